@@ -30,33 +30,25 @@ from bussim.plc.link_registers import (
     setting_values,
 )
 from bussim.plc.profiles import Turnaround, attempts_per_poll
-from bussim.scenario.model import (
-    BitErrors,
+from bussim.scenario.fault_kinds import (
     BoardError,
-    Burst,
     CableCut,
     ClockPpm,
     Direction,
     DropReply,
-    Fault,
     FaultKind,
     FlipBits,
-    Impulse,
     InsertChar,
     Jabber,
     LateRelease,
     LoseChar,
-    Noise,
     Pause,
-    Plc,
     PowerOff,
-    ReplyLoss,
-    Scenario,
     Slow,
     Stop,
-    Window,
     WrongFormat,
 )
+from bussim.scenario.model import BitErrors, Burst, Fault, Impulse, Noise, Plc, ReplyLoss, Scenario, Window
 from bussim.scenario.provenance import link_inputs
 from bussim.units import milliseconds
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 from bussim.exact.from_scenario import from_scenario
 from bussim.exact.link import LinkModel
-from bussim.scenario.model import ALWAYS, Fault, Noise, PowerOff, Scenario, Window
+from bussim.scenario.fault_kinds import PowerOff
+from bussim.scenario.model import ALWAYS, Fault, Noise, Scenario, Window
 from bussim.units import format_time
 
 

@@ -9,7 +9,7 @@ from typing import assert_never
 
 from bussim.line.characters import LineTiming
 from bussim.line.random_streams import Streams
-from bussim.scenario import model
+from bussim.scenario import fault_kinds, model
 from bussim.sim.kernel import FAULT, Kernel
 from bussim.sim.power_units import PlcUnit, Unit
 from bussim.sim.wire.disturber import Drop, FrameFault
@@ -96,36 +96,42 @@ class FaultPlan:
     def _begin(self, fault: model.Fault, now: int) -> Undo | None:
         kind = fault.kind
         match kind:
-            case model.CableCut():
+            case fault_kinds.CableCut():
                 return self._cut_cable(kind, now)
-            case model.PowerOff(name):
+            case fault_kinds.PowerOff(name):
                 self._supply(name, 1)(now)
                 return self._supply(name, -1)
-            case model.Stop(name):
+            case fault_kinds.Stop(name):
                 self._switch(name, 1)(now)
                 return self._switch(name, -1)
-            case model.BoardError():
+            case fault_kinds.BoardError():
                 return self._board_error(kind)
         node = self._nodes.get(kind.node)
         if node is None:
             return None  # the rest are faults of a port, which a PLC may do without
         match kind:
-            case model.Jabber():
+            case fault_kinds.Jabber():
                 return self._jabber(fault.name, node, now)
-            case model.DropReply() | model.LoseChar() | model.InsertChar() | model.FlipBits() | model.Pause():
+            case (
+                fault_kinds.DropReply()
+                | fault_kinds.LoseChar()
+                | fault_kinds.InsertChar()
+                | fault_kinds.FlipBits()
+                | fault_kinds.Pause()
+            ):
                 return self._frame_fault(fault.name, node, kind)
-            case model.Slow(_, extra):
+            case fault_kinds.Slow(_, extra):
                 return _added(node, "extra_turnaround", extra)
-            case model.LateRelease(_, by):
+            case fault_kinds.LateRelease(_, by):
                 return _added(node, "late_release", by)
-            case model.WrongFormat(_, timing):
+            case fault_kinds.WrongFormat(_, timing):
                 return _timed(node, (timing, Fraction(0)), now)
-            case model.ClockPpm(_, ppm):
+            case fault_kinds.ClockPpm(_, ppm):
                 return _timed(node, (None, ppm), now)
             case _:
                 assert_never(kind)
 
-    def _board_error(self, kind: model.BoardError) -> Undo:
+    def _board_error(self, kind: fault_kinds.BoardError) -> Undo:
         unit = self._units[kind.node]
         assert isinstance(unit, PlcUnit)  # noqa: S101 - narrows the type; only PLCs have boards
         plc = unit.plc
@@ -184,28 +190,32 @@ class FaultPlan:
         self,
         name: str,
         node: Node,
-        kind: model.DropReply | model.LoseChar | model.InsertChar | model.FlipBits | model.Pause,
+        kind: fault_kinds.DropReply
+        | fault_kinds.LoseChar
+        | fault_kinds.InsertChar
+        | fault_kinds.FlipBits
+        | fault_kinds.Pause,
     ) -> Undo:
         disturber = node.line.disturber
-        if isinstance(kind, model.DropReply):
+        if isinstance(kind, fault_kinds.DropReply):
             drop = Drop(node.position, kind.count)
             disturber.add(drop)
             return lambda _: disturber.remove(drop)
         item = FrameFault(
             action="flip",
             position=node.position,
-            receiver=not isinstance(kind, model.Pause) and kind.direction is model.Direction.RX,
+            receiver=not isinstance(kind, fault_kinds.Pause) and kind.direction is fault_kinds.Direction.RX,
             left=kind.count,
             draws=self._streams.uniforms("fault", name),
         )
         match kind:
-            case model.FlipBits():
+            case fault_kinds.FlipBits():
                 item.bits, item.frame = kind.bits, kind.frame
-            case model.LoseChar():
+            case fault_kinds.LoseChar():
                 item.action, item.index = "lose", kind.index
-            case model.InsertChar():
+            case fault_kinds.InsertChar():
                 item.action, item.index, item.value = "insert", kind.index, kind.value
-            case model.Pause():
+            case fault_kinds.Pause():
                 item.action, item.index, item.value = "pause", kind.index, kind.by
             case _:
                 assert_never(kind)
@@ -214,7 +224,7 @@ class FaultPlan:
 
     # -- the cable -----------------------------------------------------------------------------------
 
-    def _cut_cable(self, kind: model.CableCut, now: int) -> Undo | None:
+    def _cut_cable(self, kind: fault_kinds.CableCut, now: int) -> Undo | None:
         bus = self._buses.get(kind.bus)
         node = self._nodes.get(kind.after)
         if bus is None or node is None:
@@ -264,36 +274,36 @@ def _timed(node: Node, entry: tuple[LineTiming | None, Fraction], now: int) -> U
     return undo_timing
 
 
-def describe(kind: model.FaultKind) -> str:
+def describe(kind: fault_kinds.FaultKind) -> str:
     """A fault in a few words, for labels."""
     match kind:
-        case model.PowerOff(plc):
+        case fault_kinds.PowerOff(plc):
             return f"{plc} without supply"
-        case model.Stop(plc):
+        case fault_kinds.Stop(plc):
             return f"{plc} in STOP"
-        case model.DropReply(plc, count):
+        case fault_kinds.DropReply(plc, count):
             return f"{plc}: {'all' if count is None else count} replies dropped"
-        case model.Slow(plc, extra):
+        case fault_kinds.Slow(plc, extra):
             return f"{plc} slow by {format_time(extra)}"
-        case model.Jabber(plc):
+        case fault_kinds.Jabber(plc):
             return f"{plc} jabbers"
-        case model.CableCut(_, after):
+        case fault_kinds.CableCut(_, after):
             return f"cable cut behind {after}"
-        case model.WrongFormat(plc, timing):
+        case fault_kinds.WrongFormat(plc, timing):
             return f"{plc} at {timing.baud} {timing.format}"
-        case model.ClockPpm(plc, ppm):
+        case fault_kinds.ClockPpm(plc, ppm):
             return f"{plc} clock off by {float(ppm):g} ppm"
-        case model.LateRelease(plc, by):
+        case fault_kinds.LateRelease(plc, by):
             return f"{plc} releases its driver {format_time(by)} late"
-        case model.LoseChar(plc):
+        case fault_kinds.LoseChar(plc):
             return f"{plc} loses characters"
-        case model.InsertChar(plc):
+        case fault_kinds.InsertChar(plc):
             return f"{plc} inserts characters"
-        case model.Pause(plc, by):
+        case fault_kinds.Pause(plc, by):
             return f"{plc} pauses for {format_time(by)} inside frames"
-        case model.FlipBits(plc):
+        case fault_kinds.FlipBits(plc):
             return f"{plc}: chosen bits inverted"
-        case model.BoardError(plc, port, code):
+        case fault_kinds.BoardError(plc, port, code):
             return f"{plc}: board error {code:02d} on {port}"
         case _:
             assert_never(kind)

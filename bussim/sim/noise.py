@@ -6,7 +6,8 @@ from typing import assert_never
 
 from bussim.line.noise import BitNoise, BurstRate, ConstantRate, ErrorRate, ImpulseRate
 from bussim.line.random_streams import Streams
-from bussim.scenario.model import BitErrors, Burst, Direction, Impulse, Noise, ReplyLoss
+from bussim.scenario.fault_kinds import Direction
+from bussim.scenario.model import BitErrors, Burst, Impulse, Noise, ReplyLoss
 from bussim.sim.wire.disturber import Loss, PlacedNoise
 from bussim.sim.wire.line import Line
 from bussim.sim.wire.node import Node

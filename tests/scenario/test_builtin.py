@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from bussim.errors import UsageError
-from bussim.scenario import builtin, model
+from bussim.scenario import builtin, fault_kinds
 from bussim.scenario.loader import examine, load
 
 #: Those whose point is something that the loader warns of.
@@ -71,7 +71,7 @@ def test_the_corruption_is_one_that_parity_and_sum_miss() -> None:
 
     scenario = load("undetected_corruption")
     (fault,) = scenario.faults
-    assert isinstance(fault.kind, model.FlipBits)
+    assert isinstance(fault.kind, fault_kinds.FlipBits)
     sent = encode_data(1, 9, bytes([0, 3, 0, 0, 0, 0, 0, 0])).chars
     heard = bytearray(sent)
     for bit in fault.kind.bits:

@@ -29,7 +29,7 @@ from bussim.engines.modbus.server import Space
 from bussim.errors import ScenarioError
 from bussim.line.characters import CharFormat, LineTiming
 from bussim.plc.ports.spec import PollSpec
-from bussim.scenario import model
+from bussim.scenario import fault_kinds, model
 from bussim.scenario.loader import load, loads
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 from tests.scenario.port_samples import DRIVE, changed, more
@@ -207,11 +207,11 @@ def test_a_bare_name_of_a_plc_is_its_port_on_that_bus_or_its_link_port() -> None
     )
     assert [entry.target.station for entry in found.noise] == ["press1.COM3", "press1", "press1", "drive"]
     assert [fault.kind for fault in found.faults] == [
-        model.Jabber("press2"),
-        model.Jabber("press2.COM3"),
-        model.CableCut("line", "press2.COM3"),
-        model.DropReply("drive", 2),
-        model.PowerOff("drive"),
+        fault_kinds.Jabber("press2"),
+        fault_kinds.Jabber("press2.COM3"),
+        fault_kinds.CableCut("line", "press2.COM3"),
+        fault_kinds.DropReply("drive", 2),
+        fault_kinds.PowerOff("drive"),
     ]
     assert found.devices[0].power_on == 4 * S
 
@@ -225,7 +225,7 @@ def test_the_same_node_has_the_same_stream_by_whatever_name() -> None:
 
 def test_a_wrong_format_fills_in_what_is_right_there() -> None:
     found = loads(more("faults:\n  - {wrong_format: {station: drive, baud: 19200}}\n"))
-    assert found.faults[0].kind == model.WrongFormat("drive", LineTiming(19200, CharFormat(8, "N", 1)))
+    assert found.faults[0].kind == fault_kinds.WrongFormat("drive", LineTiming(19200, CharFormat(8, "N", 1)))
 
 
 def test_frames_and_characters_of_modbus() -> None:
@@ -236,10 +236,10 @@ def test_frames_and_characters_of_modbus() -> None:
             "  - {insert_char: {station: press1.COM3, direction: rx, value: 255, index: 255}}\n"
         )
     )
-    tx, rx = model.Direction.TX, model.Direction.RX
+    tx, rx = fault_kinds.Direction.TX, fault_kinds.Direction.RX
     assert [fault.kind for fault in found.faults] == [
-        model.FlipBits("drive", tx, (5, 2000), None, "response"),
-        model.InsertChar("press1.COM3", rx, None, 255, 255),
+        fault_kinds.FlipBits("drive", tx, (5, 2000), None, "response"),
+        fault_kinds.InsertChar("press1.COM3", rx, None, 255, 255),
     ]
 
 

@@ -14,7 +14,7 @@ from bussim.line.protocols import BusProtocol
 from bussim.plc.profiles import PROFILES, AbsentStation, Attempts, ErrorCount, Reply, Turnaround
 from bussim.plc.program.instruction_times import InstructionTimes
 from bussim.plc.sources import Constant, Counter, Ramp, Toggle
-from bussim.scenario import model
+from bussim.scenario import fault_kinds, model
 from bussim.scenario.loader import from_data, loads
 from bussim.scenario.schema.profiles import ProfileIn
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
@@ -101,32 +101,34 @@ def test_noise() -> None:
         model.Noise("ber link", link, model.BitErrors(1e-6)),
         model.Noise("burst link", link, model.Burst(10 * S, 20 * MS, 0.0, 0.01), model.Window(S, 2 * S)),
         model.Noise("impulse link", link, model.Impulse(20 * MS, 3600, 0.5, 3 * MS)),
-        model.Noise("lost", model.Target("link", "press3", model.Direction.TX), model.ReplyLoss(1e-3)),
-        model.Noise("ber press1", model.Target("link", "press1", model.Direction.TX), model.BitErrors(1e-4)),
+        model.Noise("lost", model.Target("link", "press3", fault_kinds.Direction.TX), model.ReplyLoss(1e-3)),
+        model.Noise(
+            "ber press1", model.Target("link", "press1", fault_kinds.Direction.TX), model.BitErrors(1e-4)
+        ),
     )
 
 
 def test_faults() -> None:
-    rx, tx = model.Direction.RX, model.Direction.TX
+    rx, tx = fault_kinds.Direction.RX, fault_kinds.Direction.TX
     assert loads(FULL).faults == (
-        model.Fault("power_off press2", model.PowerOff("press2"), model.Window(10 * S, 5 * S)),
-        model.Fault("drop_reply press3", model.DropReply("press3", 3), model.Window(30 * S)),
-        model.Fault("stop press2", model.Stop("press2"), model.Window(31 * S)),
-        model.Fault("slow press2", model.Slow("press2", 3 * MS)),
-        model.Fault("jabber press2", model.Jabber("press2")),
-        model.Fault("cable_cut after press2", model.CableCut("link", "press2")),
+        model.Fault("power_off press2", fault_kinds.PowerOff("press2"), model.Window(10 * S, 5 * S)),
+        model.Fault("drop_reply press3", fault_kinds.DropReply("press3", 3), model.Window(30 * S)),
+        model.Fault("stop press2", fault_kinds.Stop("press2"), model.Window(31 * S)),
+        model.Fault("slow press2", fault_kinds.Slow("press2", 3 * MS)),
+        model.Fault("jabber press2", fault_kinds.Jabber("press2")),
+        model.Fault("cable_cut after press2", fault_kinds.CableCut("link", "press2")),
         model.Fault(
-            "wrong_format press2", model.WrongFormat("press2", LineTiming(38400, CharFormat(7, "O", 1)))
+            "wrong_format press2", fault_kinds.WrongFormat("press2", LineTiming(38400, CharFormat(7, "O", 1)))
         ),
         model.Fault(
-            "wrong_format press3", model.WrongFormat("press3", LineTiming(9600, CharFormat(7, "E", 1)))
+            "wrong_format press3", fault_kinds.WrongFormat("press3", LineTiming(9600, CharFormat(7, "E", 1)))
         ),
-        model.Fault("clock_ppm press2", model.ClockPpm("press2", Fraction(1, 10))),
-        model.Fault("late_release press2", model.LateRelease("press2", 7200)),
-        model.Fault("gap", model.LoseChar("press2", tx, None)),
-        model.Fault("insert_char press2", model.InsertChar("press2", rx, 2, 4, 0x30)),
-        model.Fault("flip_bits press2", model.FlipBits("press2", tx, (31, 62), None, "data")),
-        model.Fault("board_error press2", model.BoardError("press2", "COM5", 40)),
+        model.Fault("clock_ppm press2", fault_kinds.ClockPpm("press2", Fraction(1, 10))),
+        model.Fault("late_release press2", fault_kinds.LateRelease("press2", 7200)),
+        model.Fault("gap", fault_kinds.LoseChar("press2", tx, None)),
+        model.Fault("insert_char press2", fault_kinds.InsertChar("press2", rx, 2, 4, 0x30)),
+        model.Fault("flip_bits press2", fault_kinds.FlipBits("press2", tx, (31, 62), None, "data")),
+        model.Fault("board_error press2", fault_kinds.BoardError("press2", "COM5", 40)),
     )
 
 

@@ -11,7 +11,7 @@ from bussim.line.characters import NN_LINE
 from bussim.line.contention import Contention
 from bussim.line.protocols import BusProtocol
 from bussim.plc.profiles import PROFILES, Profile, Turnaround
-from bussim.scenario import model
+from bussim.scenario import fault_kinds, model
 from bussim.sim.nn.bus import LinkBus
 from bussim.sim.runner import Simulation
 from bussim.trace.records import (
@@ -203,7 +203,7 @@ def link(
     others: Mapping[int, Mapping[str, Any]] | None = None,
     more: Sequence[model.Plc] = (),
     noise: Sequence[model.Noise] = (),
-    faults: Sequence[model.Fault | model.FaultKind] = (),
+    faults: Sequence[model.Fault | fault_kinds.FaultKind] = (),
     contention: Contention = Contention.UNDEFINED,
 ) -> model.Scenario:
     """A master p0 and slaves p1, p2… ; ``others`` are arguments of :func:`plc` by station.
@@ -232,7 +232,7 @@ def link(
     )
 
 
-def fault(kind: model.FaultKind, at: float = 0.0, lasting: float | None = None) -> model.Fault:
+def fault(kind: fault_kinds.FaultKind, at: float = 0.0, lasting: float | None = None) -> model.Fault:
     """A fault with its window in seconds."""
     window = model.Window(round(at * SECOND), None if lasting is None else round(lasting * SECOND))
     return model.Fault(f"{type(kind).__name__} at {at}", kind, window)

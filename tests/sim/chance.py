@@ -10,7 +10,7 @@ from typing import Any
 from bussim.line.characters import CharFormat, LineTiming
 from bussim.plc.profiles import PROFILES, AbsentStation, Attempts, ErrorCount, Profile, Reply, Turnaround
 from bussim.plc.sources import Counter, Source, Toggle
-from bussim.scenario import model
+from bussim.scenario import fault_kinds, model
 from tests.sim.build import MS, SECOND, TURNAROUND, link, plc
 
 TIMINGS = (
@@ -41,7 +41,7 @@ def _window(rng: Random, seconds: float, *, endless: float) -> model.Window:
 
 def _noise(rng: Random, number: int, names: list[str], seconds: float) -> model.Noise:
     station = rng.choice([None, *names])
-    target = model.Target("link", station, rng.choice(list(model.Direction)))
+    target = model.Target("link", station, rng.choice(list(fault_kinds.Direction)))
     ber = 10 ** rng.uniform(-4, -1.5)
     kind = rng.choice(
         [
@@ -54,33 +54,35 @@ def _noise(rng: Random, number: int, names: list[str], seconds: float) -> model.
     return model.Noise(f"noise{number}", target, kind, _window(rng, seconds, endless=0.6))
 
 
-def _kind(rng: Random, name: str) -> model.FaultKind:
-    direction = rng.choice(list(model.Direction))
+def _kind(rng: Random, name: str) -> fault_kinds.FaultKind:
+    direction = rng.choice(list(fault_kinds.Direction))
     count = rng.choice([None, 1, 3])
     return rng.choice(
         [
-            model.PowerOff(name),
-            model.PowerOff(name),
-            model.Stop(name),
-            model.Stop(name),
-            model.DropReply(name, count),
+            fault_kinds.PowerOff(name),
+            fault_kinds.PowerOff(name),
+            fault_kinds.Stop(name),
+            fault_kinds.Stop(name),
+            fault_kinds.DropReply(name, count),
             # The timeout is 50 or 60 ms: many of these come in the wrong attempt, or in that of another station.
-            model.Slow(name, rng.randint(1, 90) * MS),
-            model.Slow(name, rng.randint(48, 66) * MS),
-            model.Slow(name, rng.randint(48, 66) * MS),
-            model.Slow(name, rng.randint(48, 66) * MS),
-            model.Slow(name, rng.randint(48, 66) * MS),
-            model.Jabber(name),
-            model.CableCut("link", name),
-            model.WrongFormat(name, rng.choice(TIMINGS)),
-            model.ClockPpm(name, Fraction(rng.choice([-60_000, -200, 200, 25_000, 60_000]))),
-            model.LateRelease(name, rng.choice([1000, 20_000, 40_000, 90_000])),
-            model.LoseChar(name, direction, count, rng.choice([None, 0, 3])),
-            model.InsertChar(
+            fault_kinds.Slow(name, rng.randint(1, 90) * MS),
+            fault_kinds.Slow(name, rng.randint(48, 66) * MS),
+            fault_kinds.Slow(name, rng.randint(48, 66) * MS),
+            fault_kinds.Slow(name, rng.randint(48, 66) * MS),
+            fault_kinds.Slow(name, rng.randint(48, 66) * MS),
+            fault_kinds.Jabber(name),
+            fault_kinds.CableCut("link", name),
+            fault_kinds.WrongFormat(name, rng.choice(TIMINGS)),
+            fault_kinds.ClockPpm(name, Fraction(rng.choice([-60_000, -200, 200, 25_000, 60_000]))),
+            fault_kinds.LateRelease(name, rng.choice([1000, 20_000, 40_000, 90_000])),
+            fault_kinds.LoseChar(name, direction, count, rng.choice([None, 0, 3])),
+            fault_kinds.InsertChar(
                 name, direction, count, rng.choice([None, 0, 3]), rng.choice([None, 2, 3, 5, 0x30])
             ),
-            model.Pause(name, rng.choice([1000, 20_000, 40_000, 90_000]), count, rng.choice([None, 0, 3])),
-            model.FlipBits(
+            fault_kinds.Pause(
+                name, rng.choice([1000, 20_000, 40_000, 90_000]), count, rng.choice([None, 0, 3])
+            ),
+            fault_kinds.FlipBits(
                 name,
                 direction,
                 tuple(rng.randrange(400) for _ in range(rng.randint(1, 4))),
@@ -88,8 +90,8 @@ def _kind(rng: Random, name: str) -> model.FaultKind:
                 rng.choice([None, "data", "poll", "parameters"]),
             ),
             # Bits 0 and 1 of two neighbours: often neither parity nor sum shows it.
-            model.FlipBits("p0", model.Direction.TX, (11, 12, 21, 22), None, "poll"),
-            model.BoardError(name, "COM4", 5),
+            fault_kinds.FlipBits("p0", fault_kinds.Direction.TX, (11, 12, 21, 22), None, "poll"),
+            fault_kinds.BoardError(name, "COM4", 5),
         ]
     )
 

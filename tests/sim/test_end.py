@@ -12,7 +12,7 @@ import pytest
 
 from bussim.plc.profiles import Reply, Turnaround
 from bussim.plc.sources import Constant, Counter
-from bussim.scenario import model
+from bussim.scenario import fault_kinds, model
 from bussim.trace.records import FrameRecord
 from tests.sim import chance
 from tests.sim.build import (
@@ -102,7 +102,7 @@ def test_a_masters_end_at_the_tick_of_its_data_frame_comes_before_it() -> None:
 def test_before_the_first_end_a_frame_carries_the_memory_at_run() -> None:
     phase = 300 * MS
     others = {1: {"phase": phase, "sources": {"D32": Constant(5)}, "registers": {"D32": 123}}}
-    out = [fault(model.Stop("p1"), 0.6, 0.1), fault(model.PowerOff("p1"), 1.5, 0.1)]
+    out = [fault(fault_kinds.Stop("p1"), 0.6, 0.1), fault(fault_kinds.PowerOff("p1"), 1.5, 0.1)]
     done = run(link(2, 0, seconds=2.5, others=others, faults=out))
     seen = [(frame.start, word(frame)) for frame in done.of("p1")]
     for start, value in seen:
@@ -113,8 +113,8 @@ def test_before_the_first_end_a_frame_carries_the_memory_at_run() -> None:
         assert {value for start, value in seen if since * SECOND < start < until * SECOND} == {123, 5}
 
 
-@pytest.mark.parametrize("kind", [model.Stop, model.PowerOff])
-def test_the_phase_counts_from_every_run(kind: type[model.Stop]) -> None:
+@pytest.mark.parametrize("kind", [fault_kinds.Stop, fault_kinds.PowerOff])
+def test_the_phase_counts_from_every_run(kind: type[fault_kinds.Stop]) -> None:
     again = SECOND // 2
     phase = 3 * MS
     done = run(
@@ -182,13 +182,19 @@ def test_a_block_received_before_the_first_end_waits_for_it() -> None:
 def _stopped(given: model.Fault, plc: str, now: int) -> bool:
     """Whether a fault has had a PLC in STOP, and is over."""
     until = given.window.until
-    return given.kind == model.Stop(plc) and until is not None and until <= now
+    return given.kind == fault_kinds.Stop(plc) and until is not None and until <= now
 
 
 def _whole_scenario(seed: int) -> model.Scenario:
     scenario = chance.scenario(seed, 0.6)
     stations = [plc for plc in scenario.plcs if plc.name != "twin"]
-    harmless = (model.PowerOff, model.Jabber, model.WrongFormat, model.BoardError, model.FlipBits)
+    harmless = (
+        fault_kinds.PowerOff,
+        fault_kinds.Jabber,
+        fault_kinds.WrongFormat,
+        fault_kinds.BoardError,
+        fault_kinds.FlipBits,
+    )
     return replace(
         scenario,
         plcs=tuple(replace(plc, profile=stations[0].profile) for plc in stations),
@@ -282,7 +288,13 @@ def test_replies_at_end_wait_for_an_end_however_far_ahead() -> None:
     profile = steady(reply=Reply.END)
     others = {1: {"scan": model.Scan(MS), "phase": 0, "sources": {"D32": CLOCK}}}
     scenario = link(
-        2, 0, units=225, seconds=30, profile=profile, others=others, faults=[model.Slow("p1", 2 * SECOND)]
+        2,
+        0,
+        units=225,
+        seconds=30,
+        profile=profile,
+        others=others,
+        faults=[fault_kinds.Slow("p1", 2 * SECOND)],
     )
     done = run(scenario)
     replies = done.of("p1")

@@ -9,7 +9,7 @@ import pytest
 
 from bussim.line.random_streams import Streams
 from bussim.plc.scan import ScanCycle
-from bussim.scenario import model
+from bussim.scenario import fault_kinds, model
 from bussim.scenario.loader import load
 from bussim.sim.runner import simulate
 from bussim.units import TICKS_PER_MS as MS
@@ -18,8 +18,8 @@ from tests.sim.build import Recorder, link, run
 
 def test_all_of_them_in_order_with_stops() -> None:
     faults = [
-        model.Fault("s", model.Stop("p1"), model.Window(700 * MS, 300 * MS)),
-        model.Fault("o", model.PowerOff("p2"), model.Window(400 * MS, 900 * MS)),
+        model.Fault("s", fault_kinds.Stop("p1"), model.Window(700 * MS, 300 * MS)),
+        model.Fault("o", fault_kinds.PowerOff("p2"), model.Window(400 * MS, 900 * MS)),
     ]
     done = run(link(stations=3, seconds=3.0, faults=faults))
     counted = {plc.name: plc for plc in done.totals.plcs}

@@ -14,7 +14,7 @@ from bussim.line.characters import CharFormat, LineTiming
 from bussim.line.checksums import crc16_bytes
 from bussim.plc.memory import parse_device
 from bussim.plc.ports.spec import FreeSpec
-from bussim.scenario import model
+from bussim.scenario import fault_kinds, model
 from bussim.trace.records import FrameRecord
 from tests.sim import build
 from tests.sim.build import MS, SECOND, Done, run
@@ -26,7 +26,7 @@ CHAR = 75_000  # ticks of a character at 9600 8N1
 
 
 def asked(
-    slave: str, pause: model.Pause, timing: LineTiming = PLAIN, mode: Mode = Mode.RTU, **given: Any
+    slave: str, pause: fault_kinds.Pause, timing: LineTiming = PLAIN, mode: Mode = Mode.RTU, **given: Any
 ) -> Done:
     """A master that asks one slave every 100 ms for a second."""
     master = hmi("panel", poll("p", 9, every=100 * MS, **given), timeout=60 * MS, timing=timing, mode=mode)
@@ -60,12 +60,12 @@ def test_a_slave_of_the_standard_takes_a_request_with_a_pause_of_so_many_charact
         (inside + 1, "silence inside"),
         (end - 1, "silence inside"),
     ):
-        done = asked("stepper", model.Pause("panel", by, None, 3), timing)
+        done = asked("stepper", fault_kinds.Pause("panel", by, None, 3), timing)
         assert outcomes(done) == ({"ok"} if damage is None else {"no response in time"})
         (slave,) = (each for each in done.totals.devices if each.name == "slave")
         assert slave.rejected == ({} if damage is None else {damage: len(done.record.transactions)})
     # A silence that ends a frame makes two of one: four characters with a wrong sum, and four more.
-    done = asked("stepper", model.Pause("panel", end, None, 3), timing)
+    done = asked("stepper", fault_kinds.Pause("panel", end, None, 3), timing)
     (slave,) = (each for each in done.totals.devices if each.name == "slave")
     assert outcomes(done) == {"no response in time"}
     assert slave.rejected == {"CRC or LRC wrong": 2 * len(done.record.transactions)}
@@ -76,15 +76,15 @@ def test_a_v80_takes_all_that_comes_within_its_silence_for_one_frame(timing: Lin
     # V80 and PPC Modbus manual: 4.5 characters end a frame, at every rate; nothing is said of gaps inside.
     end = timing.characters(Fraction(9, 2))
     for by in (timing.characters(Fraction(16, 5)), end - 1):
-        assert outcomes(asked("v80", model.Pause("panel", by, None, 3), timing)) == {"ok"}
-    assert outcomes(asked("v80", model.Pause("panel", end, None, 3), timing)) == {"no response in time"}
+        assert outcomes(asked("v80", fault_kinds.Pause("panel", by, None, 3), timing)) == {"ok"}
+    assert outcomes(asked("v80", fault_kinds.Pause("panel", end, None, 3), timing)) == {"no response in time"}
 
 
 def test_silences_of_a_device_are_its_own() -> None:
     rule = GapRule(Fraction(5), Fraction(5), None)
     master = hmi("panel", poll("p", 9, every=100 * MS), timeout=60 * MS)
     for by, expected in ((CHAR * 9 // 2, "ok"), (5 * CHAR, "no response in time")):
-        pause = model.Fault("pause", model.Pause("panel", by, None, 3))
+        pause = model.Fault("pause", fault_kinds.Pause("panel", by, None, 3))
         done = run(serial_bus([master, device("slave", station=9, gaps=rule)], seconds=1, faults=[pause]))
         assert outcomes(done) == {expected}
 
@@ -117,7 +117,7 @@ def test_a_request_that_is_another_by_damage_is_one() -> None:
         bytes.fromhex("110300000003") + crc16_bytes(bytes.fromhex("110300000003")),
     )
     flips = [10 * at + 1 + bit for at in range(8) for bit in range(8) if (sent[at] ^ other[at]) >> bit & 1]
-    fault = model.Fault("flip_bits", model.FlipBits("t", model.Direction.TX, tuple(flips), None))
+    fault = model.Fault("flip_bits", fault_kinds.FlipBits("t", fault_kinds.Direction.TX, tuple(flips), None))
     sender = scripted("t", Message(data=sent, at=SECOND // 10))
     done = run(serial_bus([sender, device("slave", station=17)], seconds=1, faults=[fault]))
     (bus,) = done.totals.buses
@@ -126,38 +126,38 @@ def test_a_request_that_is_another_by_damage_is_one() -> None:
 
 
 def test_a_reply_with_a_pause_is_decided_by_the_master() -> None:
-    assert outcomes(asked("v80", model.Pause("slave", CHAR * 3 // 2, None, 2))) == {"ok"}
+    assert outcomes(asked("v80", fault_kinds.Pause("slave", CHAR * 3 // 2, None, 2))) == {"ok"}
     # "silence inside" of a response is error 1: shorter or longer than its function says.
-    assert outcomes(asked("v80", model.Pause("slave", CHAR * 3 // 2 + 1, None, 2))) == {"frame length"}
+    assert outcomes(asked("v80", fault_kinds.Pause("slave", CHAR * 3 // 2 + 1, None, 2))) == {"frame length"}
 
 
 def test_a_pause_may_be_anywhere_in_the_frame_and_the_frame_is_longer_by_it() -> None:
-    plain = asked("v80", model.Pause("panel", 1, 1, 0))
+    plain = asked("v80", fault_kinds.Pause("panel", 1, 1, 0))
     whole = frames(plain, "panel")[1]
     for index in range(7):
-        done = asked("v80", model.Pause("panel", 4 * CHAR, None, index))
+        done = asked("v80", fault_kinds.Pause("panel", 4 * CHAR, None, index))
         sent = frames(done, "panel")
         assert outcomes(done) == {"ok"}
         assert {frame.end - frame.start for frame in sent} == {whole.end - whole.start + 4 * CHAR}
         assert {frame.pauses for frame in sent} == {((index, 4 * CHAR),)}
     # After its last character there is nothing to pause before.
-    done = asked("v80", model.Pause("panel", 10 * CHAR, None, 7))
+    done = asked("v80", fault_kinds.Pause("panel", 10 * CHAR, None, 7))
     assert outcomes(done) == {"ok"}
     assert {frame.pauses for frame in frames(done, "panel")} == {()}
 
 
 def test_a_count_counts_the_frames_that_pause() -> None:
     # Eight characters of a request have a ninth never; the reply of nine has.
-    done = asked("v80", model.Pause("slave", 4 * CHAR, 3, 7), count=2)
+    done = asked("v80", fault_kinds.Pause("slave", 4 * CHAR, 3, 7), count=2)
     assert [len(frame.chars) for frame in frames(done, "slave")][:1] == [9]
     assert [bool(frame.pauses) for frame in frames(done, "slave")].count(True) == 3
     assert [record.outcome for record in done.record.transactions][:4] == ["frame length"] * 3 + ["ok"]
-    short = asked("v80", model.Pause("slave", 4 * CHAR, 3, 7), count=1)
+    short = asked("v80", fault_kinds.Pause("slave", 4 * CHAR, 3, 7), count=1)
     assert outcomes(short) == {"ok"}
 
 
 def test_without_an_index_a_pause_comes_anywhere_but_at_the_end() -> None:
-    done = asked("v80", model.Pause("slave", 4 * CHAR, None), count=5)
+    done = asked("v80", fault_kinds.Pause("slave", 4 * CHAR, None), count=5)
     found = {frame.pauses[0][0] for frame in frames(done, "slave")}
     assert all(len(frame.pauses) == 1 for frame in frames(done, "slave"))
     assert found <= set(range(14))
@@ -165,8 +165,10 @@ def test_without_an_index_a_pause_comes_anywhere_but_at_the_end() -> None:
 
 
 def test_two_pauses_add_up() -> None:
-    faults = [model.Fault(f"f{n}", model.Pause("panel", by, None, 3)) for n, by in enumerate((MS, 2 * MS))]
-    faults.append(model.Fault("other", model.Pause("panel", MS, None, 5)))
+    faults = [
+        model.Fault(f"f{n}", fault_kinds.Pause("panel", by, None, 3)) for n, by in enumerate((MS, 2 * MS))
+    ]
+    faults.append(model.Fault("other", fault_kinds.Pause("panel", MS, None, 5)))
     master = hmi("panel", poll("p", 9, every=100 * MS), timeout=60 * MS)
     done = run(serial_bus([master, device("slave", station=9)], seconds=1, faults=faults))
     assert {frame.pauses for frame in frames(done, "panel")} == {((3, 3 * MS), (5, MS))}
@@ -183,7 +185,7 @@ def test_ascii_allows_a_second() -> None:
             "panel", poll("p", 9, every=5 * SECOND), timeout=3 * SECOND, timing=ascii_line, mode=Mode.ASCII
         )
         slave = device("slave", station=9, timing=ascii_line, mode=Mode.ASCII)
-        fault = model.Fault("pause", model.Pause("panel", by, None, 6))
+        fault = model.Fault("pause", fault_kinds.Pause("panel", by, None, 6))
         found = run(serial_bus([master, slave], seconds=9, timing=ascii_line, faults=[fault]))
         return {record.outcome for record in found.record.transactions}
 
@@ -194,13 +196,13 @@ def test_ascii_allows_a_second() -> None:
 def test_two_characters_end_a_frame_of_the_link() -> None:
     plain = run(build.link(3, 1, seconds=1))
     two = 2 * build.CHAR
-    short = run(build.link(3, 1, seconds=1, faults=[model.Pause("p1", two - 1, None, 4)]))
+    short = run(build.link(3, 1, seconds=1, faults=[fault_kinds.Pause("p1", two - 1, None, 4)]))
     assert short.record.failures == []
     # Every link scan is longer by the pause.
     longer = short.record.scans[3].duration - plain.record.scans[3].duration
     assert longer == two - 1
     # Two characters: damage, and the attempt is over with them. The rest collides with the next poll.
-    done = run(build.link(3, 1, seconds=1, retries=0, faults=[model.Pause("p1", two, None, 4)]))
+    done = run(build.link(3, 1, seconds=1, retries=0, faults=[fault_kinds.Pause("p1", two, None, 4)]))
     assert set(done.link.failed_attempts[1]) == {4}
     first = next(attempt for attempt in done.record.attempts if attempt.station == 1)
     reply, next_poll = done.of("p1")[0], next(f for f in done.of("p0", "poll") if f.station == 2)
@@ -209,7 +211,7 @@ def test_two_characters_end_a_frame_of_the_link() -> None:
 
 
 def test_a_master_of_the_link_that_pauses_is_damaged_to_its_slaves() -> None:
-    pause = build.fault(model.Pause("p0", 3 * build.CHAR, None, 2), at=1.0)
+    pause = build.fault(fault_kinds.Pause("p0", 3 * build.CHAR, None, 2), at=1.0)
     done = run(build.link(3, 1, seconds=1.19, retries=0, units=10, faults=[pause]))
     assert all(frame.start < 1.01 * SECOND for frame in (*done.of("p1"), *done.of("p2")))
     assert {code for _, code in done.codes} == {1}
@@ -223,7 +225,7 @@ def test_a_message_with_a_pause_is_one_while_the_timeout_lasts() -> None:
     def received(by: int) -> list[tuple[bytes, str]]:
         reader = scripted("reader", Message(b"ABCDEFGH", at=100 * MS))
         box = plc("box", port("COM3", FREE, timeout=5), polls=[spec])
-        faults = [model.Fault("f", model.Pause("reader", by, None, 3))]
+        faults = [model.Fault("f", fault_kinds.Pause("reader", by, None, 3))]
         found = run(serial_bus([reader], [box], seconds=1, faults=faults))
         return [
             (each.data, each.ended) for each in found.record.said if each.node == "box.COM3" and each.data

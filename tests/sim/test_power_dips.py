@@ -11,7 +11,7 @@ import pytest
 from bussim.results.collector import Collector
 from bussim.results.meters.timeline import Span
 from bussim.results.meters.watch import Watch, Watched
-from bussim.scenario import model
+from bussim.scenario import fault_kinds
 from bussim.scenario.loader import load, loads
 from bussim.scenario.model import Scenario
 from bussim.sim.runner import simulate
@@ -212,7 +212,7 @@ def _away(scenario: Scenario, name: str) -> list[tuple[int, int]]:
     spans = sorted(
         (each.window.at, each.window.until or scenario.duration)
         for each in scenario.faults
-        if isinstance(each.kind, model.Stop | model.PowerOff) and each.kind.node == name
+        if isinstance(each.kind, fault_kinds.Stop | fault_kinds.PowerOff) and each.kind.node == name
     )
     joined: list[tuple[int, int]] = []
     for at, until in spans:
@@ -230,7 +230,7 @@ def test_old_data_as_the_trace_has_them(seed: int) -> None:
     names = [plc.name for plc in given.plcs]
     away = [
         fault(kind(names[(seed + number) % len(names)]), 0.1 + 0.21 * number, 0.05 + 0.13 * number)
-        for number, kind in enumerate([model.PowerOff, model.Stop, model.PowerOff] * 2)
+        for number, kind in enumerate([fault_kinds.PowerOff, fault_kinds.Stop, fault_kinds.PowerOff] * 2)
     ]
     scenario = replace(given, duration=3 * SECOND // 2, faults=(*given.faults, *away))
     record = Recorder()

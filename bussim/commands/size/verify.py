@@ -16,7 +16,7 @@ from bussim.exact.from_scenario import from_scenario
 from bussim.exact.metrics import Figures, Request, figures_of
 from bussim.exact.sizing.grid import evaluate
 from bussim.exact.sizing.noise_levels import BAD, LEVELS, with_level
-from bussim.scenario import model
+from bussim.scenario import fault_kinds, model
 from bussim.sweep.intervals import student_t
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 from bussim.wording import about, counted
@@ -140,7 +140,7 @@ def with_setting(
     always = model.Window()
     noise = tuple(each for each in scenario.noise if each.window == always and each.target.bus == bus)
     if level is not None:
-        sends = model.Target(bus, level.master, model.Direction.TX)
+        sends = model.Target(bus, level.master, fault_kinds.Direction.TX)
         noise = (
             model.Noise("assumed", sends, model.BitErrors(level.noise.sources[0].good)),
             model.Noise("assumed loss", model.Target(bus), model.ReplyLoss(level.stations[0].loss)),

@@ -22,7 +22,8 @@ from bussim.plc.link_registers import bad_parameters, setting_values
 from bussim.plc.memory import Memory, parse_device
 from bussim.plc.ports.cpavl import COM2_STATION, BadSettings, PortSettings, read_settings
 from bussim.plc.ports.spec import FreeSpec, PollSpec
-from bussim.scenario.model import DropReply, Fault, Plc, PowerOff, Scenario, Slow, Stop, Window
+from bussim.scenario.fault_kinds import DropReply, PowerOff, Slow, Stop
+from bussim.scenario.model import Fault, Plc, Scenario, Window
 from bussim.units import round_half_up
 from bussim.wording import names
 

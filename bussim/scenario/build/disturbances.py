@@ -8,28 +8,25 @@ from typing import Any
 from bussim.forms.fields import exact
 from bussim.line.characters import LineTiming
 from bussim.scenario.build.names import unique_names
-from bussim.scenario.model import (
+from bussim.scenario.fault_kinds import (
     BoardError,
     CableCut,
     ClockPpm,
     Direction,
     DropReply,
-    Fault,
     FaultKind,
     FlipBits,
     InsertChar,
     Jabber,
     LateRelease,
     LoseChar,
-    Noise,
     Pause,
     PowerOff,
     Slow,
     Stop,
-    Target,
-    Window,
     WrongFormat,
 )
+from bussim.scenario.model import Fault, Noise, Target, Window
 from bussim.scenario.resolve.nodes import Directory, Node
 from bussim.scenario.schema.disturbances import CableCutIn, FaultIn, NoiseIn
 

@@ -32,7 +32,7 @@ from bussim.plc.memory import parse_device
 from bussim.plc.ports.spec import FreeSpec, PollSpec
 from bussim.plc.profiles import PROFILES
 from bussim.plc.program.program import Program
-from bussim.scenario import model
+from bussim.scenario import fault_kinds, model
 from tests.selection import quick
 from tests.sim.build import MS, SECOND, Done, fault, run
 from tests.sim.serial import FREE, MASTER, PLAIN, SLAVE, device, hmi, plc, poll, port, scripted, serial_bus
@@ -375,7 +375,7 @@ def test_a_dead_slave(every: int) -> None:
     assert found.in_words()[0].startswith(
         "3 retries = 4 attempts × 100 ms on 4 polls (a, b, c, d): 1.6 s when feeder is dead; "
     )
-    off = replace(scenario, faults=(fault(model.PowerOff("feeder")),))
+    off = replace(scenario, faults=(fault(fault_kinds.PowerOff("feeder")),))
     done = run(off)
     cycles = [cycle.duration for cycle in done.record.cycles[1:]]
     assert len(cycles) > 10
@@ -403,7 +403,7 @@ def test_one_of_two_slaves_dead() -> None:
         (["oven"], found.dead[1]),
         (["feeder", "oven"], found.all_dead),
     ):
-        done = run(replace(scenario, faults=tuple(fault(model.PowerOff(name)) for name in names)))
+        done = run(replace(scenario, faults=tuple(fault(fault_kinds.PowerOff(name)) for name in names)))
         # Neither scans nor slaves have any jitter: the closed form is the time itself.
         assert {cycle.duration for cycle in done.record.cycles[1:]} == {dead.cycle.least}
         assert dead.cycle.fixed
@@ -421,12 +421,12 @@ def disturbances(seed: int, scenario: model.Scenario) -> model.Scenario:
     noise = [model.Noise("n", model.Target("bus"), model.BitErrors(rng.choice([1e-4, 3e-3])))]
     noise += [model.Noise("l", model.Target("bus"), model.ReplyLoss(0.3))] if rng.random() < 0.3 else []
     faults = [
-        fault(model.PowerOff(slave), 5, 4),
-        fault(model.InsertChar(node, model.Direction.RX, 50), 10, 3),
-        fault(model.LoseChar(node, model.Direction.RX, 50), 13, 3),
+        fault(fault_kinds.PowerOff(slave), 5, 4),
+        fault(fault_kinds.InsertChar(node, fault_kinds.Direction.RX, 50), 10, 3),
+        fault(fault_kinds.LoseChar(node, fault_kinds.Direction.RX, 50), 13, 3),
     ]
     if any(d.name == slave for d in scenario.devices):
-        faults.append(fault(model.Jabber(slave), 17, 2))
+        faults.append(fault(fault_kinds.Jabber(slave), 17, 2))
     return replace(scenario, noise=tuple(noise), faults=tuple(faults))
 
 
@@ -448,7 +448,7 @@ def test_rubbish_on_the_line_makes_an_attempt_longer_than_its_timeout() -> None:
     polls = (poll("a", retries=2), poll("b", retries=1))
     scenario = serial_bus([station(), hmi("panel", *polls, interval=MS)], seconds=20)
     found = only(scenario)
-    done = run(replace(scenario, faults=(fault(model.Jabber("feeder"), 1),)))
+    done = run(replace(scenario, faults=(fault(fault_kinds.Jabber("feeder"), 1),)))
     cycles = [cycle.duration for cycle in done.record.cycles if cycle.start > 2 * SECOND]
     silent = found.dead[0].cycle.most
     assert min(cycles) > silent
@@ -528,8 +528,8 @@ def test_a_slow_slave_is_as_slow_as_its_fault() -> None:
     press = plc("press", port("COM3", MASTER), polls=[ask()])
     scenario = serial_bus([station()], [press], seconds=5)
     plain = only(scenario)
-    always = only(replace(scenario, faults=(fault(model.Slow("feeder", 20 * MS)),)))
-    for_a_time = only(replace(scenario, faults=(fault(model.Slow("feeder", 20 * MS), 1, 2),)))
+    always = only(replace(scenario, faults=(fault(fault_kinds.Slow("feeder", 20 * MS)),)))
+    for_a_time = only(replace(scenario, faults=(fault(fault_kinds.Slow("feeder", 20 * MS), 1, 2),)))
     assert always.polls[0].response.least == plain.polls[0].response.least + 20 * MS
     assert for_a_time.polls[0].response == Span(plain.polls[0].response.least, always.polls[0].response.most)
 

@@ -12,7 +12,7 @@ from bussim.devices.free.scripted import Message
 from bussim.devices.stepper.model import StepperSettings
 from bussim.errors import ScenarioError, UsageError
 from bussim.plc.profiles import AbsentStation
-from bussim.scenario import model
+from bussim.scenario import fault_kinds, model
 from bussim.scenario.loader import load, loads
 from bussim.scenario.model import Scenario
 from bussim.scenario.yaml.overrides import Override
@@ -56,7 +56,7 @@ def test_shorthands_are_written_out() -> None:
     found = _set("plcs.press1.profile.absent_station=probe", text=text).plcs[0]
     assert (found.profile.name, found.profile.absent_station) == ("fx3u", AbsentStation.PROBE)
     fault = _set("faults.0.lose_char.index=4", text=added("faults: [{lose_char: press2}]\n")).faults[0]
-    assert fault.kind == model.LoseChar("press2", model.Direction.TX, None, 4)
+    assert fault.kind == fault_kinds.LoseChar("press2", fault_kinds.Direction.TX, None, 4)
 
 
 def test_values_are_yaml() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from bussim.plc.profiles import AbsentStation, Attempts, ErrorCount
-from bussim.scenario import model
+from bussim.scenario import fault_kinds, model
 from tests.sim.build import (
     GAP,
     MS,
@@ -56,7 +56,12 @@ def test_a_dead_station_costs_its_attempts(
 ) -> None:
     profile = steady(absent_station=absent, attempts=reading)
     scenario = link(
-        stations, mode, profile=profile, retries=retries, seconds=2.5, faults=[model.PowerOff(f"p{dead}")]
+        stations,
+        mode,
+        profile=profile,
+        retries=retries,
+        seconds=2.5,
+        faults=[fault_kinds.PowerOff(f"p{dead}")],
     )
     done = run(scenario)
     others = plain_scan(stations, mode) - slot(mode)
@@ -80,12 +85,12 @@ def test_a_dead_station_costs_its_attempts(
 
 @pytest.mark.parametrize("units", [5, 7, 225])
 def test_the_timeout_is_the_registers(units: int) -> None:
-    done = run(link(3, 0, units=units, retries=0, seconds=8, faults=[model.PowerOff("p2")]))
+    done = run(link(3, 0, units=units, retries=0, seconds=8, faults=[fault_kinds.PowerOff("p2")]))
     assert set(done.durations) == {plain_scan(3, 0) - slot(0) + silence(1, units) + HELLO}
 
 
 def test_two_dead_stations_cost_twice() -> None:
-    faults = [model.PowerOff("p1"), model.PowerOff("p3")]
+    faults = [fault_kinds.PowerOff("p1"), fault_kinds.PowerOff("p3")]
     done = run(link(4, 1, retries=1, seconds=2, faults=faults))
     assert set(done.durations) == {plain_scan(4, 1) - 2 * slot(1) + 2 * silence(2) + HELLO}
     cause = "station 1 (p1): 2 attempts, all 01; station 3 (p3): 2 attempts, all 01; parameter frame"
@@ -95,7 +100,7 @@ def test_two_dead_stations_cost_twice() -> None:
 
 @pytest.mark.parametrize(("absent", "later"), [(FULL, 3), (PROBE, 1)])
 def test_a_station_that_drops_out_and_comes_back(absent: AbsentStation, later: int) -> None:
-    out = fault(model.PowerOff("p1"), at=1.0, lasting=1.5)
+    out = fault(fault_kinds.PowerOff("p1"), at=1.0, lasting=1.5)
     scenario = link(3, 2, retries=2, profile=steady(absent_station=absent), seconds=4, faults=[out])
     done = run(scenario)
     plain, others = plain_scan(3, 2), plain_scan(3, 2) - slot(2)
@@ -128,7 +133,7 @@ def test_a_station_that_drops_out_and_comes_back(absent: AbsentStation, later: i
 def test_errors_count_every_scan_or_once_a_loss(
     absent: AbsentStation, error_count: ErrorCount, each: bool
 ) -> None:
-    outs = [fault(model.PowerOff("p1"), at, 0.8) for at in (0.5, 2.0)]
+    outs = [fault(fault_kinds.PowerOff("p1"), at, 0.8) for at in (0.5, 2.0)]
     profile = steady(absent_station=absent, error_count=error_count)
     done = run(link(3, 0, retries=1, profile=profile, seconds=3.5, faults=outs))
     lost = done.link.station_errors[1]
@@ -145,8 +150,8 @@ def causes(done: Done) -> set[str]:
 
 def test_the_cause_of_a_repeat_names_what_failed() -> None:
     drops = [
-        model.Fault("one", model.DropReply("p1", 1), model.Window(SECOND)),
-        model.Fault("two", model.DropReply("p2", 2), model.Window(2 * SECOND)),
+        model.Fault("one", fault_kinds.DropReply("p1", 1), model.Window(SECOND)),
+        model.Fault("two", fault_kinds.DropReply("p2", 2), model.Window(2 * SECOND)),
     ]
     done = run(link(3, 2, retries=3, seconds=3, faults=drops))
     assert causes(done) == {
@@ -163,7 +168,7 @@ def test_the_cause_of_a_repeat_names_what_failed() -> None:
 
 
 def test_a_register_of_the_count_stops_at_32767() -> None:
-    scenario = link(2, 0, retries=0, seconds=0.5, faults=[model.PowerOff("p1")])
+    scenario = link(2, 0, retries=0, seconds=0.5, faults=[fault_kinds.PowerOff("p1")])
     done = run(scenario)
     master = done.simulation.plcs["p0"].master
     assert master is not None
@@ -175,8 +180,8 @@ def test_a_register_of_the_count_stops_at_32767() -> None:
 
 def test_a_detached_masters_counts_are_not_forgotten() -> None:
     # Its own STOP clears the registers; the run's totals go on.
-    stop = fault(model.Stop("p0"), 1.0, 0.2)
-    done = run(link(2, 0, retries=0, seconds=2, faults=[model.PowerOff("p1"), stop]))
+    stop = fault(fault_kinds.Stop("p0"), 1.0, 0.2)
+    done = run(link(2, 0, retries=0, seconds=2, faults=[fault_kinds.PowerOff("p1"), stop]))
     fails = done.link.failed_attempts[1][1]
     assert fails == len(done.record.failures) == done.link.station_errors[1]
     assert 0 < done.about("p0", 1)[0] < fails

@@ -7,7 +7,7 @@ import pytest
 from bussim.line.contention import Contention
 from bussim.plc.profiles import PROFILES
 from bussim.plc.sources import Constant
-from bussim.scenario import model
+from bussim.scenario import fault_kinds, model
 from tests.sim.build import (
     CHAR,
     GAP,
@@ -31,7 +31,7 @@ from tests.sim.build import (
     timeout,
 )
 
-TX, RX = model.Direction.TX, model.Direction.RX
+TX, RX = fault_kinds.Direction.TX, fault_kinds.Direction.RX
 NOTHING = (0, 0, 0)
 #: A bit of a frame's second character, the station: parity shows it.
 STATION_BIT = (12,)
@@ -42,7 +42,7 @@ def no_station_sees_itself(registers: dict[str, int], station: int) -> bool:
 
 
 def flip(sender: str, frame: str, at: float, count: int, bits: tuple[int, ...] = STATION_BIT) -> model.Fault:
-    return fault(model.FlipBits(sender, TX, bits, count, frame), at)
+    return fault(fault_kinds.FlipBits(sender, TX, bits, count, frame), at)
 
 
 # -- nothing wrong ---------------------------------------------------------------------------------
@@ -78,7 +78,7 @@ def test_the_link_runs_from_the_first_data_frame_and_for_a_slave_from_its_first_
 
 
 def test_a_station_dead_from_the_start() -> None:
-    done = run(link(4, 2, retries=1, seconds=3, faults=[model.PowerOff("p2")]))
+    done = run(link(4, 2, retries=1, seconds=3, faults=[fault_kinds.PowerOff("p2")]))
     scans = done.link.station_errors[2]
     assert scans > 5
     assert done.about("p0", 2) == (scans, 0x01, 1)
@@ -134,7 +134,7 @@ def test_a_slave_polled_before_it_has_parameters_notes_31_about_itself() -> None
 @pytest.mark.parametrize("units", [5, 12])
 def test_a_master_in_stop_is_code_11(units: int) -> None:
     stop, lasting = SECOND, SECOND
-    faults = [fault(model.Stop("p0"), stop / SECOND, lasting / SECOND)]
+    faults = [fault(fault_kinds.Stop("p0"), stop / SECOND, lasting / SECOND)]
     scenario = link(3, 2, units=units, seconds=3, faults=faults, others={0: {"phase": 3 * MS}})
     simulation, record = started(scenario)
     simulation.run(stop)
@@ -178,9 +178,9 @@ def test_a_master_in_stop_is_code_11(units: int) -> None:
 
 def test_a_slave_in_stop_counts_nothing_loses_its_parameters_and_clears_its_status_at_run() -> None:
     faults = [
-        fault(model.PowerOff("p2"), 0.3, 0.4),  # something for p1 to count
-        fault(model.Stop("p1"), 1.0, 0.5),
-        fault(model.PowerOff("p2"), 1.1, 0.2),
+        fault(fault_kinds.PowerOff("p2"), 0.3, 0.4),  # something for p1 to count
+        fault(fault_kinds.Stop("p1"), 1.0, 0.5),
+        fault(fault_kinds.PowerOff("p2"), 1.1, 0.2),
     ]
     simulation, record = started(link(3, 0, retries=0, seconds=3, faults=faults))
     simulation.run(SECOND)
@@ -235,7 +235,7 @@ def test_every_reply_damaged_is_04_at_the_master_and_at_the_slaves() -> None:
 
 
 def test_one_receiver_may_be_damaged_alone() -> None:
-    bad = model.FlipBits("p3", RX, STATION_BIT, 1, "data")
+    bad = fault_kinds.FlipBits("p3", RX, STATION_BIT, 1, "data")
     # The first data frame after the 1 s is of any station: keep to replies of p1.
     for number in range(40):
         done = run(link(4, 1, seconds=1.2, faults=[fault(bad, 1.0 + number * 0.002)]))
@@ -306,7 +306,7 @@ def test_a_damaged_parameter_frame_is_14_too_and_a_slave_waits_for_the_next() ->
 
 def test_a_late_reply_counts_for_the_second_attempt_and_disturbs_the_next_scan() -> None:
     extra = 55 * MS - TURNAROUND
-    done = run(link(3, 0, retries=2, seconds=2, faults=[model.Slow("p1", extra)]))
+    done = run(link(3, 0, retries=2, seconds=2, faults=[fault_kinds.Slow("p1", extra)]))
     first, second, third, *_ = [a for a in done.record.attempts if a.station == 1]
     late = first.start + POLL + 55 * MS  # the reply to the first attempt begins
     assert (first.code, first.end) == (1, first.start + POLL + timeout(5))
@@ -328,7 +328,7 @@ def test_a_late_reply_counts_for_the_second_attempt_and_disturbs_the_next_scan()
 def test_a_late_reply_with_no_attempt_left_is_a_wrong_counter_for_all() -> None:
     # One slave, one attempt: the reply comes when the next scan waits for the same station again.
     next_poll = timeout(5) + OVERHEAD + GAP + PARAMETERS + GAP + data(0) + GAP + POLL
-    slow = model.Slow("p1", next_poll + 10 * MS - TURNAROUND)
+    slow = fault_kinds.Slow("p1", next_poll + 10 * MS - TURNAROUND)
     # p2 listens and is never polled.
     others = {0: {"registers": {"D8177": 1}}}
     done = run(link(3, 0, retries=0, seconds=0.2, others=others, faults=[slow]))
@@ -343,7 +343,7 @@ def test_a_late_reply_with_no_attempt_left_is_a_wrong_counter_for_all() -> None:
 
 def test_a_late_reply_in_anothers_exchange_is_a_wrong_station() -> None:
     # p1 replies 55 ms after its poll, while the master waits for p2, which is off.
-    faults = [model.Slow("p1", 55 * MS - TURNAROUND), model.PowerOff("p2")]
+    faults = [fault_kinds.Slow("p1", 55 * MS - TURNAROUND), fault_kinds.PowerOff("p2")]
     done = run(link(4, 0, retries=0, seconds=0.2, faults=faults))
     first, second, *_ = done.record.attempts
     assert (first.station, first.code) == (1, 0x01)
@@ -365,7 +365,7 @@ def test_a_late_reply_in_anothers_exchange_is_a_wrong_station() -> None:
 def test_a_late_reply_over_the_masters_data_frame_is_14() -> None:
     # The last station's reply comes with the next scan's data frame, which it drowns.
     start = timeout(5) + OVERHEAD + GAP + PARAMETERS + GAP
-    faults = [model.Slow("p2", start + 8 * CHAR - TURNAROUND)]
+    faults = [fault_kinds.Slow("p2", start + 8 * CHAR - TURNAROUND)]
     done = run(link(3, 0, retries=0, seconds=0.15, faults=faults))
     clash = sorted((frame for frame in done.record.frames if frame.collided), key=lambda f: f.start)
     assert [(f.sender, f.kind) for f in clash[:3]] == [("p0", "data"), ("p2", "data"), ("p0", "poll")]
@@ -375,7 +375,7 @@ def test_a_late_reply_over_the_masters_data_frame_is_14() -> None:
 
 def test_a_late_reply_over_another_reply_is_damage() -> None:
     # p1 replies when p2 does.
-    faults = [model.Slow("p1", timeout(5) + GAP + POLL + 3 * CHAR)]
+    faults = [fault_kinds.Slow("p1", timeout(5) + GAP + POLL + 3 * CHAR)]
     done = run(link(4, 1, retries=0, seconds=0.3, faults=faults))
     attempt = next(a for a in done.record.attempts if a.station == 2)
     assert attempt.code == 0x04
@@ -437,12 +437,12 @@ def test_two_masters_in_lockstep_look_healthy_and_out_of_step_they_do_not() -> N
 
 def test_a_cut_cable_parts_the_stations() -> None:
     # p2's reply is 30 ms late; the cable breaks while it is due, between p1 and p2.
-    probe = run(link(4, 0, seconds=0.2, faults=[model.Slow("p2", 30 * MS)]))
+    probe = run(link(4, 0, seconds=0.2, faults=[fault_kinds.Slow("p2", 30 * MS)]))
     poll = next(f for f in probe.of("p0", "poll") if f.station == 2 and f.start > 100 * MS)
     cut = poll.end + 10 * MS
     faults = [
-        model.Fault("slow", model.Slow("p2", 30 * MS)),
-        model.Fault("cut", model.CableCut("link", "p1"), model.Window(cut, SECOND)),
+        model.Fault("slow", fault_kinds.Slow("p2", 30 * MS)),
+        model.Fault("cut", fault_kinds.CableCut("link", "p1"), model.Window(cut, SECOND)),
     ]
     simulation, record = started(link(4, 0, retries=1, seconds=3, faults=faults))
     simulation.run(cut + 900 * MS)
@@ -471,7 +471,7 @@ def test_a_cable_cut_in_the_middle_of_a_frame() -> None:
     probe = run(link(4, 2, seconds=0.3))
     frame = next(f for f in probe.of("p0") if f.start > 100 * MS)
     middle = frame.start + 20 * CHAR + 700
-    faults = [model.Fault("cut", model.CableCut("link", "p1"), model.Window(middle, 5 * CHAR))]
+    faults = [model.Fault("cut", fault_kinds.CableCut("link", "p1"), model.Window(middle, 5 * CHAR))]
     done = run(link(4, 2, seconds=0.3, faults=faults))
     # p1 heard it whole; p2 and p3 missed five characters in the middle.
     assert done.about("p1", 0) == NOTHING
@@ -534,7 +534,7 @@ def test_a_family_without_the_masters_mode_takes_no_part(family: str) -> None:
 
 
 def test_a_board_error_shows_in_m8063_and_d8063_and_nowhere_else() -> None:
-    done = run(link(2, 0, seconds=1, faults=[fault(model.BoardError("p1", "COM3", 6), 0.5)]))
+    done = run(link(2, 0, seconds=1, faults=[fault(fault_kinds.BoardError("p1", "COM3", 6), 0.5)]))
     found = done.registers("p1")
     assert (found["M8063"], found["D8063"]) == (1, 7306)
     assert done.record.failures == []

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from bussim.plc.memory import BIT_RANGES, WORD_RANGES
-from bussim.scenario import model
+from bussim.scenario import fault_kinds
 from bussim.sim.kernel import Timer
 from bussim.sim.nn.bus import LinkBus
 from bussim.sim.nn.link_port import LinkPort
@@ -120,7 +120,7 @@ def _one_by_one(bus: LinkBus, sender: LinkPort) -> Listeners:
         (
             seed
             for seed in SEEDS
-            if not any(isinstance(fault.kind, model.Jabber) for fault in chance.scenario(seed).faults)
+            if not any(isinstance(fault.kind, fault_kinds.Jabber) for fault in chance.scenario(seed).faults)
         ),
     ),
 )
@@ -156,7 +156,7 @@ IN_TIME = timeout(5) - data(0) - TURNAROUND
 @pytest.mark.parametrize("extra", [1, IN_TIME - 1, IN_TIME, IN_TIME + 1, timeout(5), 55 * MS])
 @pytest.mark.parametrize("retries", [0, 2])
 def test_a_reply_counts_up_to_its_deadline_in_every_mode(extra: int, retries: int) -> None:
-    scenario = link(3, 0, retries=retries, seconds=1, faults=[fault(model.Slow("p1", extra), 0.2, 0.5)])
+    scenario = link(3, 0, retries=retries, seconds=1, faults=[fault(fault_kinds.Slow("p1", extra), 0.2, 0.5)])
     traced = run(scenario)
     assert_same(traced, run(scenario, traced=False))
     assert ((1, 1) in traced.codes) is (extra > IN_TIME)
@@ -171,7 +171,7 @@ def test_the_random_scenarios_leave_nothing_out() -> None:
     assert set(stations) >= {1, 2, 4, 0x11, 0x14, 0x21}
     assert {"recovered", "watchdog", "no_parameters", "healthy", "undetected", "refused"} <= set(noted)
     kinds = {type(fault.kind) for seed in SEEDS for fault in chance.scenario(seed).faults}
-    assert kinds == set(model.FaultKind.__args__)
+    assert kinds == set(fault_kinds.FaultKind.__args__)
     assert sum(done.link.collisions for done in runs) > 200
     assert sum(done.link.undetected for done in runs) > 3
     assert sum(any(frame.cut for frame in done.record.frames) for done in runs) > 10

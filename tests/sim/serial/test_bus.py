@@ -19,7 +19,7 @@ from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.pdu import FUNCTIONS
 from bussim.engines.modbus.server import Space
 from bussim.line.characters import CharFormat, LineTiming
-from bussim.scenario import model
+from bussim.scenario import fault_kinds, model
 from bussim.sim.kernel import Timer
 from bussim.sim.serial.bus import SerialBus
 from bussim.sim.serial.node import SerialNode
@@ -178,12 +178,12 @@ def test_noise_fails_as_many_transactions_as_theory_says() -> None:
 
 
 def test_lost_and_dropped_replies() -> None:
-    loss = model.Noise("l", model.Target("bus", "drive", model.Direction.TX), model.ReplyLoss(0.25))
+    loss = model.Noise("l", model.Target("bus", "drive", fault_kinds.Direction.TX), model.ReplyLoss(0.25))
     done = run(serial_bus([hmi("panel", poll()), device("drive")], seconds=60, noise=[loss]), traced=False)
     found = outcomes(done)
     total = sum(found.values())
     assert abs(found["no response in time"] - total / 4) < 4 * sqrt(total * 3 / 16)
-    drop = fault(model.DropReply("drive", 3), 1)
+    drop = fault(fault_kinds.DropReply("drive", 3), 1)
     done = run(serial_bus([hmi("panel", poll()), device("drive")], seconds=5, faults=[drop]))
     assert outcomes(done)["no response in time"] == 3
 
@@ -191,20 +191,20 @@ def test_lost_and_dropped_replies() -> None:
 @pytest.mark.parametrize(
     "kind",
     [
-        model.PowerOff("drive"),
-        model.Jabber("drive"),
-        model.CableCut("bus", "panel"),
-        model.WrongFormat("drive", LineTiming(19200, CharFormat(8, "N", 1))),
-        model.ClockPpm("drive", Fraction(80_000)),
-        model.Slow("drive", 200 * MS),
+        fault_kinds.PowerOff("drive"),
+        fault_kinds.Jabber("drive"),
+        fault_kinds.CableCut("bus", "panel"),
+        fault_kinds.WrongFormat("drive", LineTiming(19200, CharFormat(8, "N", 1))),
+        fault_kinds.ClockPpm("drive", Fraction(80_000)),
+        fault_kinds.Slow("drive", 200 * MS),
     ],
     ids=lambda kind: type(kind).__name__,
 )
-def test_a_fault_keeps_a_slave_silent_while_it_lasts(kind: model.FaultKind) -> None:
+def test_a_fault_keeps_a_slave_silent_while_it_lasts(kind: fault_kinds.FaultKind) -> None:
     done = run(serial_bus([hmi("panel", poll()), device("drive")], seconds=6, faults=[fault(kind, 2, 2)]))
     good = [r.end / SECOND for r in done.record.transactions if r.outcome == "ok"]
     during = [at for at in good if 2.1 < at < 3.9]
-    if isinstance(kind, model.Slow):
+    if isinstance(kind, fault_kinds.Slow):
         # Late responses are taken for the wrong request: all the same to this master.
         assert all(
             r.mismatched for r in done.record.transactions if 2.1 < r.end / SECOND < 3.9 and r.outcome == "ok"
@@ -220,7 +220,7 @@ def test_a_clock_error_within_the_standard_does_no_harm() -> None:
         serial_bus(
             [hmi("panel", poll(count=10)), device("drive")],
             seconds=3,
-            faults=[fault(model.ClockPpm("drive", Fraction(15_000)))],
+            faults=[fault(fault_kinds.ClockPpm("drive", Fraction(15_000)))],
         )
     )
     assert set(outcomes(done)) == {"ok"}
@@ -271,7 +271,7 @@ def test_a_new_address_is_taken_after_save_and_power_cycle() -> None:
     address = poll("address", 1, 6, 16, 1, values=(9,), at=100 * MS, times=1)
     save = poll("save", 1, 5, 0, 1, values=(1,), at=SECOND, times=1)
     old, new = poll("old", 1, 3, 0, every=200 * MS), poll("new", 9, 3, 0, every=200 * MS)
-    cycle = fault(model.PowerOff("feeder"), 3, 0.5)
+    cycle = fault(fault_kinds.PowerOff("feeder"), 3, 0.5)
     done = run(
         serial_bus(
             [hmi("panel", address, save, old, new), device("feeder", "stepper")], seconds=8, faults=[cycle]
@@ -292,7 +292,7 @@ def test_a_new_address_is_taken_after_save_and_power_cycle() -> None:
 
 def test_without_saving_the_old_address_comes_back() -> None:
     address = poll("address", 1, 6, 16, 1, values=(9,), at=100 * MS, times=1)
-    cycle = fault(model.PowerOff("feeder"), 3, 0.5)
+    cycle = fault(fault_kinds.PowerOff("feeder"), 3, 0.5)
     done = run(
         serial_bus(
             [hmi("panel", address, poll("old", 1, 3, 0)), device("feeder", "stepper")],
@@ -346,17 +346,17 @@ def _chance(seed: int) -> model.Scenario:
     noise = [
         model.Noise("n", model.Target("bus"), model.BitErrors(2e-4)),
         model.Noise("m", model.Target("bus", "x"), model.BitErrors(5e-4)),
-        model.Noise("l", model.Target("bus", "y", model.Direction.TX), model.ReplyLoss(0.1)),
+        model.Noise("l", model.Target("bus", "y", fault_kinds.Direction.TX), model.ReplyLoss(0.1)),
     ]
-    kinds: list[model.FaultKind] = [
-        model.PowerOff("x"),
-        model.CableCut("bus", "two"),
-        model.WrongFormat("y", LineTiming(19200, CharFormat(8, "N", 1))),
-        model.LateRelease("z", 4 * MS),
-        model.LoseChar("x", model.Direction.TX, None, 3),
-        model.Pause("y", 2 * MS, None),
-        model.InsertChar("one", model.Direction.RX, None, 2, 0x55),
-        model.ClockPpm("x", Fraction(30_000)),
+    kinds: list[fault_kinds.FaultKind] = [
+        fault_kinds.PowerOff("x"),
+        fault_kinds.CableCut("bus", "two"),
+        fault_kinds.WrongFormat("y", LineTiming(19200, CharFormat(8, "N", 1))),
+        fault_kinds.LateRelease("z", 4 * MS),
+        fault_kinds.LoseChar("x", fault_kinds.Direction.TX, None, 3),
+        fault_kinds.Pause("y", 2 * MS, None),
+        fault_kinds.InsertChar("one", fault_kinds.Direction.RX, None, 2, 0x55),
+        fault_kinds.ClockPpm("x", Fraction(30_000)),
     ]
     faults = [fault(kind, 0.7 + 0.4 * n, 0.6) for n, kind in enumerate(kinds) if (n + seed) % 3]
     return serial_bus([one, two, *slaves], seconds=5, seed=seed, noise=noise, faults=faults)

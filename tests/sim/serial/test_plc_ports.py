@@ -14,7 +14,7 @@ from bussim.line.protocols import BusProtocol
 from bussim.plc.memory import parse_device
 from bussim.plc.ports.spec import FreeSpec, PollSpec
 from bussim.plc.profiles import PROFILES, Reply
-from bussim.scenario import model
+from bussim.scenario import fault_kinds, model
 from tests.sim.build import MS, SECOND, Done, fault, run, steady
 from tests.sim.serial import FREE, MASTER, PLAIN, SLAVE, device, hmi, plc, poll, port, scripted, serial_bus
 
@@ -152,12 +152,12 @@ def test_one_plc_asks_another() -> None:
 
 def test_stop_silences_and_run_begins_anew() -> None:
     press = plc("press", port("COM3", MASTER), polls=[read()])
-    stop = fault(model.Stop("press"), 1, 1)
+    stop = fault(fault_kinds.Stop("press"), 1, 1)
     done = run(serial_bus([device("drive", "map", settings=_ones())], [press], seconds=4, faults=[stop]))
     starts = [f.start / SECOND for f in done.record.frames if f.kind == "request"]
     assert not any(1 < at < 2 for at in starts)
     assert max(starts) > 3.8
-    off = fault(model.PowerOff("press"), 1, 1)
+    off = fault(fault_kinds.PowerOff("press"), 1, 1)
     done = run(serial_bus([device("drive", "map", settings=_ones())], [press], seconds=4, faults=[off]))
     assert done.simulation.plcs["press"].memory.word("D", 400) == 7
 

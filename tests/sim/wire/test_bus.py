@@ -13,7 +13,7 @@ from bussim.line.characters import NN_LINE, CharFormat, LineTiming
 from bussim.line.contention import Contention
 from bussim.line.wave import Wave, low_intervals
 from bussim.plc.sources import Constant
-from bussim.scenario import model
+from bussim.scenario import fault_kinds, model
 from tests.sim.build import (
     CHAR,
     GAP,
@@ -34,7 +34,7 @@ from tests.sim.build import (
     timeout,
 )
 
-TX, RX = model.Direction.TX, model.Direction.RX
+TX, RX = fault_kinds.Direction.TX, fault_kinds.Direction.RX
 BIT = 1875
 
 
@@ -103,7 +103,7 @@ def overlapping(done: Done) -> int:
 
 @pytest.mark.parametrize("extra", [1, 40, 51, 52, 60, 77])
 def test_collisions_are_frames_begun_while_another_driver_is_on(extra: int) -> None:
-    done = run(link(3, 1, retries=1, seconds=1, faults=[model.Slow("p1", extra * MS)]))
+    done = run(link(3, 1, retries=1, seconds=1, faults=[fault_kinds.Slow("p1", extra * MS)]))
     assert abs(done.link.collisions - overlapping(done)) <= 1  # one may be on the line at the end
     collided = [frame for frame in done.record.frames if frame.collided]
     assert (len(collided) > 0) is (done.link.collisions > 0)
@@ -124,7 +124,7 @@ def takers(done: Done, source: int) -> dict[int, set[int]]:
 def test_a_sender_receives_nothing() -> None:
     # p2 replies after its time, in the middle of the master's next data frame.
     start = timeout(5) + OVERHEAD + GAP + PARAMETERS + GAP
-    late = model.Slow("p2", start + 8 * CHAR - TURNAROUND)
+    late = fault_kinds.Slow("p2", start + 8 * CHAR - TURNAROUND)
     done = run(link(3, 0, retries=0, seconds=0.15, faults=[late]))
     reply, drowned = done.of("p2")[0], done.of("p0")[1]
     assert drowned.start < reply.start < drowned.end < reply.end
@@ -141,9 +141,9 @@ def test_a_sender_receives_nothing() -> None:
 # -- frames that end early -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", [model.Stop, model.PowerOff])
+@pytest.mark.parametrize("kind", [fault_kinds.Stop, fault_kinds.PowerOff])
 @pytest.mark.parametrize("inside", [1, 7 * CHAR + 938, 7 * CHAR + 939, -1])
-def test_stop_and_power_off_cut_a_frame_at_that_tick(kind: type[model.Stop], inside: int) -> None:
+def test_stop_and_power_off_cut_a_frame_at_that_tick(kind: type[fault_kinds.Stop], inside: int) -> None:
     frame = run(link(3, 1, seconds=1)).of("p1")[10]
     tick = frame.start + inside if inside > 0 else frame.end + inside
     cut = model.Fault("cut", kind("p1"), model.Window(tick))
@@ -173,7 +173,7 @@ def test_stop_and_power_off_cut_a_frame_at_that_tick(kind: type[model.Stop], ins
 def test_a_master_cut_in_its_data_frame_is_damage_then_silence() -> None:
     frame = run(link(3, 1, seconds=1)).of("p0")[5]
     tick = frame.start + 9 * CHAR
-    cut = model.Fault("cut", model.Stop("p0"), model.Window(tick))
+    cut = model.Fault("cut", fault_kinds.Stop("p0"), model.Window(tick))
     simulation, _ = started(link(3, 1, seconds=1, faults=[cut]))
     simulation.run(tick + 2 * CHAR)
     assert registers_now(simulation, "p1")["D8211"] == 0
@@ -192,9 +192,9 @@ def test_a_station_that_begins_to_listen_in_the_middle_of_a_frame() -> None:
     others = {0: {"registers": {"D8177": 1}}}
     frame = run(link(3, 2, seconds=1, others=others)).of("p0")[15]
     middle = frame.start + 20 * CHAR + 700
-    away = model.Fault("away", model.Stop("p2"), model.Window(middle - 300 * MS, 300 * MS))
+    away = model.Fault("away", fault_kinds.Stop("p2"), model.Window(middle - 300 * MS, 300 * MS))
     # A dropped reply raises the flag that brings the parameters.
-    drop = model.Fault("drop", model.DropReply("p1", 1), model.Window(frame.end))
+    drop = model.Fault("drop", fault_kinds.DropReply("p1", 1), model.Window(frame.end))
     done = run(link(3, 2, retries=0, seconds=2, others=others, faults=[away, drop]))
     assert frame.start in {f.start for f in done.of("p0")}
     # It had no parameters, so it noted nothing of the half that it heard; nor did it take anything.
@@ -211,7 +211,7 @@ def test_a_station_that_begins_to_listen_in_the_middle_of_a_frame() -> None:
 
 
 def test_a_tail_shorter_than_the_masters_gap_does_no_harm() -> None:
-    done = run(link(3, 1, seconds=1, faults=[model.LateRelease("p1", GAP - 1)]))
+    done = run(link(3, 1, seconds=1, faults=[fault_kinds.LateRelease("p1", GAP - 1)]))
     assert (done.link.collisions, done.record.failures) == (0, [])
     # The driver is on, though: it counts as load.
     plain = run(link(3, 1, seconds=1))
@@ -221,7 +221,7 @@ def test_a_tail_shorter_than_the_masters_gap_does_no_harm() -> None:
 
 def test_a_tail_costs_the_frame_that_begins_during_it() -> None:
     # The master's poll of p2 begins during p1's tail: its first two characters are undefined.
-    done = run(link(3, 1, seconds=2, retries=1, faults=[model.LateRelease("p1", GAP + 2 * CHAR)]))
+    done = run(link(3, 1, seconds=2, retries=1, faults=[fault_kinds.LateRelease("p1", GAP + 2 * CHAR)]))
     replies = done.of("p1")
     first = [poll for poll in done.of("p0", "poll") if poll.station == 2 and poll.collided]
     assert len(first) >= len(replies) - 1
@@ -243,16 +243,16 @@ def test_a_tail_costs_the_frame_that_begins_during_it() -> None:
 
 def test_a_tail_ends_with_the_supply_and_with_the_next_frame() -> None:
     off = run(link(2, 1, seconds=0.2)).of("p1")[0].end + MS // 4
-    faults = [model.LateRelease("p1", 20 * MS), fault(model.PowerOff("p1"), off / SECOND)]
+    faults = [fault_kinds.LateRelease("p1", 20 * MS), fault(fault_kinds.PowerOff("p1"), off / SECOND)]
     assert [frame.released for frame in run(link(2, 1, seconds=0.2, faults=faults)).of("p1")] == [off]
-    frames = run(link(2, 1, seconds=0.2, faults=[model.LateRelease("p0", 20 * MS)])).record.frames
+    frames = run(link(2, 1, seconds=0.2, faults=[fault_kinds.LateRelease("p0", 20 * MS)])).record.frames
     parameters, data, poll, *_ = [frame for frame in frames if frame.sender == "p0"]
     assert (parameters.released, data.released) == (data.start, poll.start)
 
 
 def test_a_tail_harms_no_other_where_a_0_wins() -> None:
     by = GAP + 2 * CHAR
-    zero = link(3, 1, seconds=1, faults=[model.LateRelease("p1", by)], contention=Contention.ZERO_WINS)
+    zero = link(3, 1, seconds=1, faults=[fault_kinds.LateRelease("p1", by)], contention=Contention.ZERO_WINS)
     done = run(zero)
     assert abs(done.link.collisions - len(done.of("p1"))) <= 1
     polls = [frame for frame in done.of("p0", "poll") if frame.station == 2]
@@ -269,7 +269,7 @@ def test_a_tail_harms_no_other_where_a_0_wins() -> None:
 
 def test_a_tail_over_the_whole_poll_and_the_replies_begin() -> None:
     by = GAP + POLL + TURNAROUND + 3 * CHAR + 900
-    zero = link(3, 1, seconds=1, faults=[model.LateRelease("p1", by)], contention=Contention.ZERO_WINS)
+    zero = link(3, 1, seconds=1, faults=[fault_kinds.LateRelease("p1", by)], contention=Contention.ZERO_WINS)
     done = run(zero)
     assert done.record.failures == []
     assert set(map(frozenset, takers(done, 2).values())) == {frozenset({0})}
@@ -281,7 +281,7 @@ def test_a_tail_over_the_whole_poll_and_the_replies_begin() -> None:
 
 @pytest.mark.parametrize(("by", "code"), [(TURNAROUND - 1, None), (TURNAROUND + 3 * CHAR - 100, 4)])
 def test_a_masters_tail_hides_the_beginning_of_the_replies(by: int, code: int | None) -> None:
-    done = run(link(2, 1, retries=0, seconds=1, faults=[model.LateRelease("p0", by)]))
+    done = run(link(2, 1, retries=0, seconds=1, faults=[fault_kinds.LateRelease("p0", by)]))
     assert {found for _, found in done.codes} == ({code} if code else set())
     for attempt in done.record.attempts:
         if code:
@@ -293,7 +293,7 @@ def test_a_masters_tail_hides_the_beginning_of_the_replies(by: int, code: int | 
 
 
 def test_a_jabbering_station_drowns_the_link_until_it_is_well() -> None:
-    done = run(link(3, 1, seconds=3, faults=[fault(model.Jabber("p1"), 1.0, 1.0)]))
+    done = run(link(3, 1, seconds=3, faults=[fault(fault_kinds.Jabber("p1"), 1.0, 1.0)]))
     during = [frame for frame in done.record.frames if SECOND < frame.start < 2 * SECOND]
     jabber = [frame for frame in during if frame.kind == "jabber"]
     assert {frame.sender for frame in jabber} == {"p1"}
@@ -318,7 +318,7 @@ def test_a_jabbering_station_drowns_the_link_until_it_is_well() -> None:
 
 
 def test_two_jabber_faults_of_one_station_last_as_long_as_both() -> None:
-    faults = [fault(model.Jabber("p1"), 0.5, 0.5), fault(model.Jabber("p1"), 0.7, 0.8)]
+    faults = [fault(fault_kinds.Jabber("p1"), 0.5, 0.5), fault(fault_kinds.Jabber("p1"), 0.7, 0.8)]
     done = run(link(2, 0, seconds=2, faults=faults))
     spans = sorted((frame.start, frame.end) for frame in done.record.frames if frame.kind == "jabber")
     assert spans[0][0] == SECOND // 2
@@ -327,7 +327,7 @@ def test_two_jabber_faults_of_one_station_last_as_long_as_both() -> None:
 
 
 def test_a_jabbering_station_without_power_is_silent() -> None:
-    faults = [fault(model.Jabber("p1"), 0.5, 1.0), fault(model.PowerOff("p1"), 0.8, 0.3)]
+    faults = [fault(fault_kinds.Jabber("p1"), 0.5, 1.0), fault(fault_kinds.PowerOff("p1"), 0.8, 0.3)]
     done = run(link(2, 0, seconds=2, faults=faults))
     spans = [(f.start, f.end) for f in done.record.frames if f.kind == "jabber"]
     eight, eleven = SECOND * 8 // 10, SECOND * 11 // 10
@@ -336,7 +336,7 @@ def test_a_jabbering_station_without_power_is_silent() -> None:
 
 
 def test_jabber_goes_on_in_stop() -> None:
-    faults = [fault(model.Jabber("p1"), 0.5, 1.0), fault(model.Stop("p1"), 0.8, 0.3)]
+    faults = [fault(fault_kinds.Jabber("p1"), 0.5, 1.0), fault(fault_kinds.Stop("p1"), 0.8, 0.3)]
     done = run(link(2, 0, seconds=2, faults=faults))
     jabber = sum(f.end - f.start for f in done.record.frames if f.kind == "jabber")
     assert jabber == SECOND
@@ -357,7 +357,7 @@ SLOW_LINE = LineTiming(19200, CharFormat(8, "N", 1))
     ],
 )
 def test_a_slave_with_a_wrong_format_is_as_good_as_absent(timing: LineTiming) -> None:
-    wrong = fault(model.WrongFormat("p1", timing), 0.5, 1.0)
+    wrong = fault(fault_kinds.WrongFormat("p1", timing), 0.5, 1.0)
     done = run(link(3, 1, retries=0, seconds=2.5, faults=[wrong]))
     during = [a for a in done.record.attempts if 0.6 * SECOND < a.start < 1.4 * SECOND]
     assert {(a.station, a.code) for a in during} == {(1, 1), (2, 0)}
@@ -369,7 +369,7 @@ def test_a_slave_with_a_wrong_format_is_as_good_as_absent(timing: LineTiming) ->
 
 def test_stations_with_the_same_wrong_format_understand_each_other() -> None:
     # 19200 8N1 at the master and p1: ten bits a character as well, each twice as long.
-    faults = [model.WrongFormat("p0", SLOW_LINE), model.WrongFormat("p1", SLOW_LINE)]
+    faults = [fault_kinds.WrongFormat("p0", SLOW_LINE), fault_kinds.WrongFormat("p1", SLOW_LINE)]
     done = run(link(3, 1, retries=0, seconds=2, faults=faults))
     replies = {(a.station, a.code) for a in done.record.attempts}
     assert replies == {(1, 0), (2, 1)}
@@ -382,7 +382,7 @@ def test_stations_with_the_same_wrong_format_understand_each_other() -> None:
 @pytest.mark.parametrize("station", ["p0", "p1"])
 @pytest.mark.parametrize("ppm", [200, -200, 2000, 30_000, -30_000])
 def test_a_clock_a_little_off_is_harmless(station: str, ppm: int) -> None:
-    done = run(link(3, 2, retries=0, seconds=1, faults=[model.ClockPpm(station, Fraction(ppm))]))
+    done = run(link(3, 2, retries=0, seconds=1, faults=[fault_kinds.ClockPpm(station, Fraction(ppm))]))
     assert done.record.failures == []
     assert all(done.about(f"p{n}", other) == (0, 0, 0) for n in range(3) for other in range(8))
     # Rounded half up, once, from the first edge.
@@ -397,7 +397,7 @@ def test_a_clock_a_little_off_is_harmless(station: str, ppm: int) -> None:
 @pytest.mark.parametrize("ppm", [60_000, -60_000])
 def test_a_clock_far_off_is_deadly(ppm: int) -> None:
     # Nine and a half bits from the start edge to the stop bit's centre: 5.3 % make half a bit.
-    done = run(link(3, 2, retries=0, seconds=1, faults=[model.ClockPpm("p1", Fraction(ppm))]))
+    done = run(link(3, 2, retries=0, seconds=1, faults=[fault_kinds.ClockPpm("p1", Fraction(ppm))]))
     assert set(done.codes) == {(1, 1)}
     assert done.of("p1") == []
     assert done.about("p0", 1)[2] == 1
@@ -405,9 +405,9 @@ def test_a_clock_far_off_is_deadly(ppm: int) -> None:
 
 
 def test_clock_errors_add_up() -> None:
-    faults = [model.ClockPpm("p1", Fraction(30_000)), model.ClockPpm("p1", Fraction(30_000))]
+    faults = [fault_kinds.ClockPpm("p1", Fraction(30_000)), fault_kinds.ClockPpm("p1", Fraction(30_000))]
     assert set(run(link(2, 0, retries=0, seconds=0.5, faults=faults)).codes) == {(1, 1)}
-    faults = [model.ClockPpm("p1", Fraction(60_000)), model.ClockPpm("p1", Fraction(-60_000))]
+    faults = [fault_kinds.ClockPpm("p1", Fraction(60_000)), fault_kinds.ClockPpm("p1", Fraction(-60_000))]
     assert run(link(2, 0, retries=0, seconds=0.5, faults=faults)).record.failures == []
 
 
@@ -417,9 +417,9 @@ def test_clock_errors_add_up() -> None:
 @pytest.mark.parametrize("index", [0, 1, 5, 19, None])
 @pytest.mark.parametrize("action", ["lose", "insert"])
 def test_a_character_too_few_or_too_many_from_a_sender(action: str, index: int | None) -> None:
-    kind: model.FaultKind = model.LoseChar("p1", TX, 2, index)
+    kind: fault_kinds.FaultKind = fault_kinds.LoseChar("p1", TX, 2, index)
     if action == "insert":
-        kind = model.InsertChar("p1", TX, 2, index, 0x41)
+        kind = fault_kinds.InsertChar("p1", TX, 2, index, 0x41)
     done = run(link(3, 1, retries=2, seconds=1, faults=[fault(kind, 0.5)]))
     whole = len(done.of("p1")[0].chars)
     odd = [frame for frame in done.of("p1") if len(frame.chars) != whole]
@@ -447,9 +447,9 @@ def test_a_character_too_few_or_too_many_in_one_receiver(action: str, index: int
     reply = next(frame for frame in probe.of("p1") if frame.start > SECOND // 2)
     # The next frame that the receiver hears is that reply.
     window = model.Window(reply.start - 1000)
-    kind: model.FaultKind = model.LoseChar(receiver, RX, 1, index)
+    kind: fault_kinds.FaultKind = fault_kinds.LoseChar(receiver, RX, 1, index)
     if action == "insert":
-        kind = model.InsertChar(receiver, RX, 1, index, 0x41)
+        kind = fault_kinds.InsertChar(receiver, RX, 1, index, 0x41)
     done = run(link(3, 1, retries=2, seconds=1, faults=[model.Fault("rx", kind, window)]))
     assert all(frame.damaged_bits == () and frame.damaged_at == {} for frame in done.record.frames)
     (heard,) = [r[3] for r in done.record.refreshes if r[2] == reply.end]
@@ -466,7 +466,7 @@ def test_a_character_too_few_or_too_many_in_one_receiver(action: str, index: int
 
 def test_a_character_before_the_header_is_no_corruption() -> None:
     # A second STX in front: the frame begins anew with the right one.
-    done = run(link(3, 1, seconds=1, faults=[fault(model.InsertChar("p1", TX, 3, 0, 2), 0.5)]))
+    done = run(link(3, 1, seconds=1, faults=[fault(fault_kinds.InsertChar("p1", TX, 3, 0, 2), 0.5)]))
     odd = [frame for frame in done.of("p1") if frame.chars[:2] == b"\x02\x02"]
     assert len(odd) == 3
     assert done.record.failures == []
@@ -477,15 +477,15 @@ def test_a_character_before_the_header_is_no_corruption() -> None:
 
 @pytest.mark.parametrize("count", [1, 2, 5, None])
 def test_a_fault_of_single_frames_acts_as_often_as_it_says(count: int | None) -> None:
-    kinds: list[model.FaultKind] = [
-        model.FlipBits("p1", TX, (12,), count, "data"),
-        model.LoseChar("p1", TX, count),
-        model.InsertChar("p1", TX, count, 4, 0x41),
-        model.DropReply("p1", count),
+    kinds: list[fault_kinds.FaultKind] = [
+        fault_kinds.FlipBits("p1", TX, (12,), count, "data"),
+        fault_kinds.LoseChar("p1", TX, count),
+        fault_kinds.InsertChar("p1", TX, count, 4, 0x41),
+        fault_kinds.DropReply("p1", count),
     ]
     for kind in kinds:
         done = run(link(2, 0, retries=5, seconds=2, faults=[fault(kind, 0.5, 0.9)]))
-        code = 1 if isinstance(kind, model.DropReply) else 4
+        code = 1 if isinstance(kind, fault_kinds.DropReply) else 4
         if count is not None:
             assert done.codes == {(1, code): count}
         else:
@@ -496,25 +496,27 @@ def test_a_fault_of_single_frames_acts_as_often_as_it_says(count: int | None) ->
 
 def test_flips_touch_only_the_kind_of_frame_they_name() -> None:
     for kind in ("data", "poll", "parameters"):
-        flip = fault(model.FlipBits("p0", TX, (12,), None, kind))
+        flip = fault(fault_kinds.FlipBits("p0", TX, (12,), None, kind))
         done = run(link(3, 0, retries=0, seconds=0.5, faults=[flip]))
         hit = {frame.kind for frame in done.record.frames if frame.damaged_bits}
         assert hit == {kind}
-    flip = fault(model.FlipBits("p0", TX, (12,), None))
+    flip = fault(fault_kinds.FlipBits("p0", TX, (12,), None))
     done = run(link(3, 0, retries=0, seconds=0.5, faults=[flip]))
     assert all(frame.damaged_bits == (12,) for frame in done.record.frames if frame.sender == "p0")
 
 
 def test_bits_beyond_the_frame_belong_to_no_frame() -> None:
-    done = run(link(2, 0, seconds=0.5, faults=[model.FlipBits("p0", TX, (50, 219, 220, 5000), None, "poll")]))
+    done = run(
+        link(2, 0, seconds=0.5, faults=[fault_kinds.FlipBits("p0", TX, (50, 219, 220, 5000), None, "poll")])
+    )
     assert done.record.failures == []
     assert {frame.damaged_bits for frame in done.record.frames} == {()}
 
 
 def test_the_same_bit_inverted_on_the_wire_and_in_the_receiver_is_right_again() -> None:
     faults = [
-        model.FlipBits("p1", TX, (12, 40), None, "data"),
-        model.FlipBits("p2", RX, (12, 40), None, "data"),
+        fault_kinds.FlipBits("p1", TX, (12, 40), None, "data"),
+        fault_kinds.FlipBits("p2", RX, (12, 40), None, "data"),
     ]
     others = {0: {"registers": {"D8177": 1}}}
     done = run(link(3, 0, retries=0, seconds=0.5, others=others, faults=faults))
@@ -538,7 +540,7 @@ def unnoticed() -> model.Scenario:
     third, fourth = 10 * (first_digit + 2), 10 * (first_digit + 3)
     bits = (third + 1, third + 2, fourth + 1, fourth + 2)
     others = {1: {"sources": {"D32": Constant(3)}, "phase": 0}}
-    flip = fault(model.FlipBits("p1", TX, bits, 1, "data"), 0.5)
+    flip = fault(fault_kinds.FlipBits("p1", TX, bits, 1, "data"), 0.5)
     return link(3, 1, seconds=1, others=others, faults=[flip])
 
 
@@ -577,7 +579,7 @@ def test_a_pattern_that_parity_and_sum_both_miss_reaches_the_memory_until_the_ne
 def test_a_poll_of_another_station_is_undetected_too() -> None:
     # The two low bits of station and counter: 1 becomes 2 and 2 becomes 1. Where the sum stays and
     # the other digit is one, all nodes take it.
-    flip = model.FlipBits("p0", TX, (11, 12, 21, 22), None, "poll")
+    flip = fault_kinds.FlipBits("p0", TX, (11, 12, 21, 22), None, "poll")
     done = run(link(3, 0, retries=0, seconds=1.5, faults=[flip]))
     undetected = 0
     for frame in done.of("p0", "poll"):

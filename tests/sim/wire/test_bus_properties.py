@@ -11,29 +11,33 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
 from bussim.plc.profiles import PROFILES
-from bussim.scenario import model
+from bussim.scenario import fault_kinds, model
 from bussim.sim.nn.link_port import LinkPort
 from tests.sim import chance
 from tests.sim.build import MS, Recorder, bus_of, link, plc, run, started
 
 NAMES = ("p0", "p1", "p2", "p3", "twin")
 STATIONS = st.sampled_from(NAMES)
-DIRECTIONS = st.sampled_from(list(model.Direction))
+DIRECTIONS = st.sampled_from(list(fault_kinds.Direction))
 COUNTS = st.sampled_from([None, 1, 3])
 KINDS = st.one_of(
-    st.builds(model.PowerOff, STATIONS),
-    st.builds(model.Stop, STATIONS),
-    st.builds(model.DropReply, STATIONS, COUNTS),
-    st.builds(model.Slow, STATIONS, st.integers(1, 70 * MS)),
-    st.builds(model.Jabber, STATIONS),
-    st.builds(model.CableCut, st.just("link"), STATIONS),
-    st.builds(model.WrongFormat, STATIONS, st.sampled_from(chance.TIMINGS)),
-    st.builds(model.ClockPpm, STATIONS, st.sampled_from([Fraction(200), Fraction(60_000)])),
-    st.builds(model.LateRelease, STATIONS, st.sampled_from([1000, 40_000, 200_000])),
-    st.builds(model.LoseChar, STATIONS, DIRECTIONS, COUNTS),
-    st.builds(model.InsertChar, STATIONS, DIRECTIONS, COUNTS),
+    st.builds(fault_kinds.PowerOff, STATIONS),
+    st.builds(fault_kinds.Stop, STATIONS),
+    st.builds(fault_kinds.DropReply, STATIONS, COUNTS),
+    st.builds(fault_kinds.Slow, STATIONS, st.integers(1, 70 * MS)),
+    st.builds(fault_kinds.Jabber, STATIONS),
+    st.builds(fault_kinds.CableCut, st.just("link"), STATIONS),
+    st.builds(fault_kinds.WrongFormat, STATIONS, st.sampled_from(chance.TIMINGS)),
+    st.builds(fault_kinds.ClockPpm, STATIONS, st.sampled_from([Fraction(200), Fraction(60_000)])),
+    st.builds(fault_kinds.LateRelease, STATIONS, st.sampled_from([1000, 40_000, 200_000])),
+    st.builds(fault_kinds.LoseChar, STATIONS, DIRECTIONS, COUNTS),
+    st.builds(fault_kinds.InsertChar, STATIONS, DIRECTIONS, COUNTS),
     st.builds(
-        model.FlipBits, STATIONS, DIRECTIONS, st.tuples(st.integers(0, 300), st.integers(0, 300)), COUNTS
+        fault_kinds.FlipBits,
+        STATIONS,
+        DIRECTIONS,
+        st.tuples(st.integers(0, 300), st.integers(0, 300)),
+        COUNTS,
     ),
 )
 STEPS = st.one_of(st.integers(1, 100), st.integers(1, 60_000), st.integers(1, 6_000_000))
@@ -57,7 +61,7 @@ class Line(RuleBasedStateMachine):
         self.simulation.run(self.simulation.now + step)
 
     @rule(kind=KINDS, step=STEPS)
-    def begin(self, kind: model.FaultKind, step: int) -> None:
+    def begin(self, kind: fault_kinds.FaultKind, step: int) -> None:
         self.count += 1
         fault = model.Fault(f"{self.count}", kind, model.Window(self.simulation.now))
         undo = self.simulation.faults._begin(fault, self.simulation.now)
@@ -91,7 +95,7 @@ class Line(RuleBasedStateMachine):
             undo(self.simulation.now)
         self.simulation.run(self.simulation.now + 100_000)
         for name in self.simulation.plcs:
-            self.simulation.faults._begin(model.Fault("stop", model.Stop(name)), self.simulation.now)
+            self.simulation.faults._begin(model.Fault("stop", fault_kinds.Stop(name)), self.simulation.now)
         busy = self.bus.busy
         self.simulation.run(self.simulation.now + 10 * MS)
         # Every PLC is in STOP: no driver is on, nothing is received, nothing will happen.
@@ -147,7 +151,7 @@ def test_records_come_in_order_and_loads_are_shares(seed: int) -> None:
     assert_ordered(done.record)
     assert 0 <= done.link.busy <= done.totals.duration
     assert done.link.busy <= sum(f.end - f.start for f in done.record.frames) + 30 * MS or any(
-        isinstance(fault.kind, model.LateRelease) for fault in chance.scenario(seed).faults
+        isinstance(fault.kind, fault_kinds.LateRelease) for fault in chance.scenario(seed).faults
     )
     scans = done.record.scans
     assert [scan.number for scan in scans] == list(range(len(scans)))

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from bussim.plc.profiles import PROFILES
-from bussim.scenario import model
+from bussim.scenario import fault_kinds, model
 from bussim.trace.records import FrameRecord
 from tests.selection import quick
 from tests.sim.build import (
@@ -30,7 +30,7 @@ from tests.sim.build import (
     timeout,
 )
 
-TX, RX = model.Direction.TX, model.Direction.RX
+TX, RX = fault_kinds.Direction.TX, fault_kinds.Direction.RX
 BIT = 1875
 #: A difference of so many standard deviations comes once in 16,000 tests.
 SIGMAS = 4
@@ -39,7 +39,7 @@ SIGMAS = 4
 def noise(
     kind: model.NoiseKind,
     station: str | None = None,
-    direction: model.Direction = RX,
+    direction: fault_kinds.Direction = RX,
     window: model.Window | None = None,
     name: str = "noise",
 ) -> model.Noise:
@@ -251,7 +251,7 @@ def test_a_silent_fourth_station_changes_no_draws(how: str, index: str) -> None:
     registers = {"D8176": 9} if how == "refused" else {}
     fourth = plc(3, name="fourth", profile=PROFILES["pw10"], registers=registers)
     plcs = (*scenario.plcs, fourth) if index == "last" else (fourth, *scenario.plcs)
-    kinds = {"in stop": model.Stop("fourth"), "off": model.PowerOff("fourth")}
+    kinds = {"in stop": fault_kinds.Stop("fourth"), "off": fault_kinds.PowerOff("fourth")}
     faults = (model.Fault("silent", kinds[how]),) if how in kinds else ()
     four = run(replace(scenario, plcs=plcs, faults=faults))
     assert len(three.record.failures) > 10
@@ -296,7 +296,7 @@ def test_a_noise_elsewhere_leaves_the_draws_of_others(added: model.Noise) -> Non
 def test_a_fault_elsewhere_leaves_the_draws_of_others() -> None:
     base = noise(model.BitErrors(2e-3), name="base")
     one = rngs(run(link(3, 0, retries=1, seconds=6, noise=[base])))
-    off = fault(model.PowerOff("p2"), 2.0, 1.0)
+    off = fault(fault_kinds.PowerOff("p2"), 2.0, 1.0)
     two = rngs(run(link(3, 0, retries=1, seconds=6, noise=[base], faults=[off])))
     for key in (("p1", "data", 1), ("p0", "poll", 1), ("p0", "data", 0)):
         count = min(len(one[key]), len(two[key]))
