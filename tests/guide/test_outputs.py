@@ -26,12 +26,27 @@ SHOWN = re.compile(r"<!-- output: bussim (.+?)(?: \| head -(\d+))? -->\n```text\
 
 
 @cache
+def recording() -> dict[str, bytes]:
+    """The recording of a noisy line, and the scenario that is fitted to it."""
+    with tempfile.TemporaryDirectory() as folder, chdir(folder), undrawn(), redirect_stdout(io.StringIO()):
+        main(["run", "electrical_noise", "--trace", "--out", "run"])
+        main(["export", "run", "--to", "sr", "-o", "line.sr"])
+        main(["fit", "line.sr", "-o", "fitted.yaml"])
+        return {file: Path(file).read_bytes() for file in ("line.sr", "fitted.yaml")}
+
+
+@cache
 def printed(command: str) -> str:
-    """What a command prints, in a folder that holds the copy of the tutorial with one bad value."""
+    """What a command prints, in a folder that holds the copy of the tutorial with one bad value.
+
+    A command that names the recording or the scenario fitted to it has them there.
+    """
     out = io.StringIO()
     with tempfile.TemporaryDirectory() as folder, chdir(folder), undrawn():
         bad = builtin.read("press_line").replace("retries: 5", "retries: 12")
         Path("my_line.yaml").write_text(bad, encoding="utf-8")
+        for file in set(shlex.split(command)[1:2]) & {"line.sr", "fitted.yaml"}:
+            Path(file).write_bytes(recording()[file])
         with redirect_stdout(out), redirect_stderr(out):
             main(shlex.split(command))
     return out.getvalue()
@@ -43,7 +58,15 @@ def shown(command: str, lines: str | None) -> str:
     return "".join(f"{line.rstrip()}\n" for line in kept)
 
 
-@pytest.mark.parametrize("path", [path for path in EVERY if SHOWN.search(read(path))], ids=name)
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(path, marks=pytest.mark.slow) if "line.sr" in read(path) else path
+        for path in EVERY
+        if SHOWN.search(read(path))
+    ],
+    ids=name,
+)
 def test_outputs_are_what_the_commands_print(path: Path) -> None:
     for command, lines, text in SHOWN.findall(read(path)):
         assert text == shown(command, lines or None), command
