@@ -6,18 +6,13 @@ import random
 from pathlib import Path
 from typing import Any
 
-import pandas
 import pytest
 
-import bussim
-from bussim.export.formats import export_trace
 from bussim.line.characters import CharFormat, LineTiming
 from bussim.live.arrival import placed
 from bussim.live.sniff.heard import LineProtocol
 from bussim.live.sniff.listener import Listener
 from bussim.results.collector import Collector
-from bussim.scenario.loader import from_data
-from bussim.trace.file import read_trace
 from bussim.units import TICKS_PER_SECOND
 from tests.live.recordings.generator import (
     Sent,
@@ -33,7 +28,6 @@ from tests.live.recordings.generator import (
 )
 from tests.live.recordings.reading import ok, sniffed
 from tests.selection import quick
-from tests.undrawn import undrawn
 
 SERIAL = Serial(9600, 8, "E", 1)
 RATE = 96_000
@@ -342,85 +336,3 @@ def test_modbus_ascii_with_odd_ends(tmp_path: Path) -> None:
 
 
 # -- the same line, recorded in any way -------------------------------------------------------------------
-
-
-def scenario(seed: int) -> dict[str, Any]:
-    """Seven lines with different troubles, in turn."""
-    rng, kind = random.Random(seed), seed % 7
-    nn = {"bus": "link", "port": "COM4"}
-    if kind < 5:
-        plcs = [{"name": "m", "nn": {**nn, "station": 0, "slaves": 2, "mode": 1, "timeout": "50 ms"}}]
-        plcs += [{"name": f"s{k}", "nn": {**nn, "station": k}} for k in (1, 2)]
-        found: dict[str, Any] = {"buses": [{"name": "link", "nn": True}], "plcs": plcs}
-        if kind < 3:
-            found["noise"] = [{"bus": "link", "ber": 10.0 ** (kind - 5)}]
-        elif kind == 3:
-            late = {"station": "s1", "by": f"{rng.choice([400, 700, 1500])} us"}
-            found["faults"] = [{"at": "200 ms", "for": "2 s", "late_release": late}]
-        else:
-            plcs[2]["nn"] |= {"station": 0, "slaves": 1}
-    else:
-        polls = [
-            {"station": 1, "function": 3, "address": 0, "count": rng.randint(1, 20), "every": "60 ms"},
-            {"station": 2, "function": 1, "address": 4, "count": 20, "every": "90 ms"},
-        ]
-        found = {
-            "buses": [{"name": "link", "baud": 19200, "format": "8E1"}],
-            "plcs": [{"name": "idle"}],
-            "devices": [
-                {"name": "one", "model": "v80", "bus": "link", "station": 1, "delay": "8 ms"},
-                {"name": "two", "model": "v80", "bus": "link", "station": 2, "delay": "8 ms"},
-                {"name": "panel", "model": "hmi", "bus": "link", "timeout": "100 ms", "polls": polls},
-            ],
-            "noise": [{"bus": "link", "ber": 1e-4 if kind == 5 else 1e-3}],
-        }
-    return {"schema": 1, "name": "any", "seed": seed, "duration": "2 s"} | found
-
-
-@pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("seed", quick(3, range(35)))
-def test_a_run_is_the_same_in_every_recording_of_it(seed: int, tmp_path: Path) -> None:
-    with undrawn():
-        bussim.run(from_data(scenario(seed)), out=tmp_path / "run", trace=True)
-    trace = read_trace(tmp_path / "run")
-    for ending in ("sr", "pcapng", "csv"):
-        export_trace(trace, tmp_path / f"line.{ending}", ending, bus="link")
-    frames = pandas.read_csv(tmp_path / "line.csv")
-    lines = [
-        f"{end:.9f} {heard}"
-        for end, heard in zip(frames["end_s"], frames["heard"], strict=True)
-        if isinstance(heard, str)
-    ]
-    (tmp_path / "line.txt").write_text("\n".join(lines), encoding="utf-8")
-    run = sniffed(tmp_path / "run")
-    protocol = run["protocol"]
-    if seed % 7 not in (3, 4):  # what overlaps is one
-        assert run["frames"] == pytest.approx(len(frames), abs=2)
-    for name, options in (
-        ("line.sr", ()),
-        ("line.pcapng", ("-b", str(run["baud"]))),
-        ("line.txt", ("--protocol", protocol, "-b", str(run["baud"]))),
-    ):
-        found = sniffed(tmp_path / name, *options)
-        assert found["protocol"] == protocol
-        if name == "line.sr":
-            assert (found["baud"], found["format"], found["channels"]) == (
-                run["baud"],
-                run["format"],
-                ["link"],
-            )
-        # Neither a text nor RTU in pcapng has the parity: a frame of which only that is wrong is sound there.
-        blind = name == "line.txt" or (name == "line.pcapng" and protocol == "modbus-rtu")
-        parity = run["parity_errors"] if blind else 0
-        # The distance of a text's lines proves nothing: a damaged frame of up to three characters is a stray.
-        short = found["strays"] if name == "line.txt" else 0
-        allowed = max(1, run["damaged"] // 50) + parity + short
-        if seed % 7 == 4:
-            # Frames of two masters overlap: when in them a character came is not in a packet, and a sample is
-            # not exact enough where two drivers disagree.
-            allowed += run["damaged"] // 4
-        assert found["frames"] == pytest.approx(run["frames"], abs=1 + short + (seed % 7 == 4) * 20), name
-        assert found["damaged"] == pytest.approx(run["damaged"], abs=allowed), name
-        for outcome in {*run["outcomes"], *found["outcomes"]} - {"undecided"}:
-            ours, theirs = (each["outcomes"].get(outcome, 0) for each in (found, run))
-            assert ours == pytest.approx(theirs, abs=max(1, theirs // 50) + parity), (name, outcome)

@@ -13,12 +13,13 @@ from pathlib import Path
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from bussim.commands.sniff.tally import MOST_ASKED, Tally
 from bussim.engines.contract import RxChar
 from bussim.engines.modbus.adu import Mode, encode_adu
 from bussim.engines.nn.frames import encode_poll
 from bussim.errors import UsageError
 from bussim.line.characters import NN_LINE, CharFormat, LineTiming
-from bussim.live.arrival import Arrivals
+from bussim.live.arrival import Arrivals, placed
 from bussim.live.recordings.frames import TraceFile
 from bussim.live.recordings.open import open_recording
 from bussim.live.recordings.packets import PacketReader
@@ -33,7 +34,8 @@ from bussim.live.sniff.recognise import Recogniser
 from bussim.live.sniff.splitter import MOST_DAMAGE
 from bussim.live.sniff.splitters import splitter
 from bussim.results.collector import Collector
-from bussim.units import TICKS_PER_MS
+from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
+from tests.live.recordings.generator import rtu
 
 #: CI runs this many of each; a longer run is `pytest --hypothesis-profile` away.
 some = settings(max_examples=150)
@@ -215,3 +217,21 @@ def test_memory_of_a_splitter_is_bounded() -> None:
             for heard in cutter.take([char]):
                 assert len(heard.chars) <= MOST_DAMAGE + 600
             assert len(cutter._data) <= MOST_DAMAGE + 600
+
+
+def test_what_is_counted_is_bounded_whatever_is_requested() -> None:
+    """A master that sends another request every time fills no memory, and each request is counted."""
+    timing = LineTiming(9600, CharFormat(8, "N", 1))
+    tally = Tally(traced=False, rows=None, bus_of={})
+    listener = Listener("b", timing, tally, LineProtocol.RTU)
+    count = MOST_ASKED + 300
+    for number in range(count):
+        at = number * TICKS_PER_SECOND // 10
+        listener.chars(placed(rtu(1, 3, number >> 8, number & 0xFF, 0, 1), at, timing))
+        listener.chars(placed(rtu(1, 3, 2, 0, 7), at + TICKS_PER_SECOND // 50, timing))
+    listener.close()
+    assert len(tally.asked) == MOST_ASKED + 1
+    polls = tally.run(listener.totals(listener.last), scenario="b", seed=0).ports["master"].polls
+    assert len(polls) == MOST_ASKED + 1
+    assert sum(poll.ok for poll in polls.values()) == count
+    assert tally.asked["others"].outcomes == {"ok": 300}
