@@ -41,9 +41,12 @@ class Received(NamedTuple):
     def pieces(self, character: int) -> Iterator[tuple[int, int, int]]:
         """What lies between silences that end a frame: its first edge, and the range of its characters.
 
-        On the N:N link a character (of so many ticks) of silence ends one, else 3.5 of them.
+        On the N:N link a character (of so many ticks) of silence ends one, else 3.5 of them. Of frames that
+        overlap it is what has no silence in it at all: each character keeps its time.
         """
         apart = 2 * character if self.frame.protocol == "nn" else 9 * character // 2
+        if self.over:
+            apart = character + character // 20
         first = 0
         for at in range(1, len(self.starts)):
             if self.starts[at] - self.starts[at - 1] >= apart:

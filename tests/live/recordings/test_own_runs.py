@@ -88,12 +88,10 @@ def assert_same(run: dict[str, Any], found: dict[str, Any], kind: str, *, overla
     # The distance of a text's lines proves nothing: a damaged frame of up to three characters is a stray.
     short = found["strays"] if kind == "text" else 0
     allowed = max(1, run["damaged"] // 50) + parity + short
-    if overlapping and kind != "pcapng":
-        # When a character came inside two frames is not in a text's line, and a sample is not exact enough
-        # where two drivers disagree.
-        allowed += run["damaged"] // 4
+    if overlapping and kind == "text":
+        allowed += run["damaged"] // 4  # when a character came inside two frames is not in a line
     assert found["frames"] == pytest.approx(
-        run["frames"], abs=1 + short + (overlapping and kind != "pcapng") * 20
+        run["frames"], abs=1 + short + (overlapping and kind == "text") * 20
     )
     assert found["damaged"] == pytest.approx(run["damaged"], abs=allowed)
     for outcome in {*run["outcomes"], *found["outcomes"]} - {"undecided"}:
