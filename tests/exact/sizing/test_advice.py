@@ -353,7 +353,7 @@ def test_goals_are_kept_conflicts_minimal_and_changes_tried(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("ber", [0.0, 1e-6, 2e-5, 3e-4])
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=10)
 @given(model=links(), texts=goal_texts())
 def test_goals_conflicts_and_changes_of_many_links(model: LinkModel, texts: list[str], ber: float) -> None:
     advice_holds(with_rate((model, "bus", None), ber), texts)
