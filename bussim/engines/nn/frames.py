@@ -1,4 +1,6 @@
-"""The N:N frames: the only module that knows their layout.
+"""The N:N frames: the only module that writes and reads them by the assumed layout.
+
+Recordings are read by a layout that is a value (:mod:`bussim.live.layout.value`), by default the same one.
 
 No public source gives the bytes of the N:N link. What is known: 38400 7E1, a fixed header, a fixed
 terminator and a fixed sum (PW10 board manual, section 7.3); a station number and a communication

@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import pairwise
 from statistics import median_low
 from typing import NamedTuple
@@ -22,6 +21,8 @@ from bussim.live.recordings.source import Chunk
 
 #: Bursts that are taken; what a recording has beyond is left out.
 MOST_BURSTS = 200_000
+#: Characters of a burst at most: more than any frame has.
+_LONGEST = 1000
 #: Bursts below which nothing is said.
 _LEAST = 12
 #: A length is frequent if so many bursts have it; a poll that was damaged may be longer than others.
@@ -30,6 +31,8 @@ _FREQUENT, _LONGEST_POLL = 0.05, 1.5
 _MOST_OWN = 0.45
 #: Stations that are told apart at most.
 _MOST_STATIONS = 32
+#: Attempts of a scan at most: 11 at each station are what a master's settings allow.
+_MOST_ATTEMPTS = 11 * _MOST_STATIONS
 #: Of each attempt of a scan whether it was replied to, and whether the next poll is alike (None: not known).
 _Pattern = tuple[tuple[str, bool | None], ...]
 #: Costs of giving an attempt to the station of the one before, or to the next one. See _costs.
@@ -55,7 +58,7 @@ def bursts(chunks: Iterable[Chunk], silence: int) -> Iterator[Burst]:
     held, begun, last, wire, wrong = bytearray(), 0, 0, 0, False
     for chunk in chunks:
         for (value, parity_ok, stop_ok), start, end in chunk.chars:
-            if held and (start - last >= silence or chunk.wire != wire):
+            if held and (start - last >= silence or chunk.wire != wire or len(held) >= _LONGEST):
                 yield Burst(begun, last, bytes(held), wrong)
                 held, wrong = bytearray(), False
             if not held:
@@ -298,19 +301,21 @@ def _assign(scans: Sequence[Scan]) -> int:
     runs = Counter(_longest_run(pattern) for pattern in patterns)
     run = max((run for run, count in runs.items() if 2 * count > len(scans)), default=0)
     most = min(_MOST_STATIONS, max(map(len, counts)))
-
-    def total(stations: int) -> int:
-        costs = ((_path(pattern, stations, run)[0], count) for pattern, count in counts.items())
-        return sum(min(_MOST_COST, cost) * count for cost, count in costs)
-
-    stations = min(range(1, most + 1), key=total)
+    total: Counter[int] = Counter()
+    for pattern, count in counts.items():
+        paths = _paths(pattern, most, run)
+        for number in range(1, most + 1):
+            total[number] += count * min(_MOST_COST, paths[number].cost if number in paths else _NEVER)
+    stations = min(total, key=lambda number: (total[number], number))
+    known: dict[_Pattern, list[int]] = {}
     for scan, pattern in zip(scans, patterns, strict=True):
-        cost, path = _path(pattern, stations, run)
-        if scan is scans[-1]:  # it may not have been heard to its end
-            cost, path = min(_path(pattern, number, run) for number in range(1, stations + 1))
-        scan.understood = cost < _NEVER
+        last = scan is scans[-1]  # it may not have been heard to its end
+        if last or pattern not in known:
+            known[pattern] = _path(_paths(pattern, stations, run), stations, partly=last)
+        path = known[pattern]
+        scan.understood = bool(path)
         for each, station in zip(scan.attempts, path, strict=False):
-            each.station = station if scan.understood else 0
+            each.station = station
     return stations
 
 
@@ -319,24 +324,41 @@ def _longest_run(pattern: _Pattern) -> int:
     return max(map(len, "".join(code for code, _ in pattern).replace("u", "o").split("o")), default=0)
 
 
-@lru_cache(maxsize=4096)
-def _path(pattern: _Pattern, stations: int, run: int) -> tuple[int, tuple[int, ...]]:
-    """The cheapest way to give attempts to stations 1 to ``stations`` in order: its cost, and it."""
-    if len(pattern) < stations:
-        return _NEVER, ()
-    best: dict[int, tuple[int, tuple[int, ...]]] = {1: (0, (1,))}
+class _Step(NamedTuple):
+    """An attempt that is given to a station: what it costs with those before it."""
+
+    cost: int
+    station: int
+    before: _Step | None
+
+
+def _paths(pattern: _Pattern, most: int, run: int) -> dict[int, _Step]:
+    """The last steps of the cheapest ways to give attempts to stations 1 to N in order, by N."""
+    best = {1: _Step(0, 1, None)} if 0 < len(pattern) <= _MOST_ATTEMPTS else {}
     silent = 0
     for code, alike in pattern[:-1]:
         silent = silent + 1 if code == "x" else 0
         same, onward = _costs(code, alike=alike, dead=bool(run and silent) and not silent % run)
-        grown: dict[int, tuple[int, tuple[int, ...]]] = {}
-        for station, (cost, path) in best.items():
-            for next_station, more in ((station, same), (station + 1, onward)):
-                if next_station <= stations:
-                    one = (cost + more, (*path, next_station))
-                    grown[next_station] = min(one, grown.get(next_station, one))
+        grown: dict[int, _Step] = {}
+        for step in best.values():
+            for station, more in ((step.station, same), (step.station + 1, onward)):
+                cost = step.cost + more
+                if station <= most and (station not in grown or cost < grown[station].cost):
+                    grown[station] = _Step(cost, station, step)
         best = grown
-    return best.get(stations, (_NEVER, ()))
+    return best
+
+
+def _path(paths: dict[int, _Step], stations: int, *, partly: bool) -> list[int]:
+    """The stations of a scan's attempts, none where not known; ``partly``: not all need be polled."""
+    ends = [step for number, step in paths.items() if partly or number == stations]
+    step = min(ends, key=lambda step: step.cost, default=None)
+    path: list[int] = []
+    if step is not None and step.cost < _NEVER:
+        while step is not None:
+            path.append(step.station)
+            step = step.before
+    return path[::-1]
 
 
 def _costs(code: str, *, alike: bool | None, dead: bool) -> tuple[int, int]:

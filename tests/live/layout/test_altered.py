@@ -13,6 +13,7 @@ from bussim.line.characters import NN_LINE
 from bussim.live.arrival import placed
 from bussim.live.layout import file
 from bussim.live.layout.silences import Polling, bursts, polling
+from bussim.live.layout.sums import KINDS
 from bussim.live.recordings.source import Chunk
 from bussim.units import TICKS_PER_SECOND
 from tests.live.layout.generator import ALTERED, Made, Truth, assumed, recorded
@@ -202,3 +203,4 @@ def test_the_guide_prints_the_layout_that_ships() -> None:
     shipped = (Path(file.__file__).parent / "assumed.yaml").read_text(encoding="utf-8")
     guide = (Path(bussim.__file__).parent / "guide" / "wires.md").read_text(encoding="utf-8")
     assert shipped.split("\n", 3)[3] in guide
+    assert [kind for kind in KINDS if f"`{kind}`" not in guide] == []
