@@ -372,10 +372,8 @@ def _costs(code: str, *, alike: bool | None, dead: bool) -> tuple[int, int]:
 
 
 def _number(scans: Sequence[Scan]) -> None:
-    """Number the attempts of each exchange; one that ends with a reply has not failed."""
+    """Number the attempts of each exchange; one that is repeated has failed."""
     for scan in scans:
         for one, two in pairwise(scan.attempts):
             if one.station and one.station == two.station:
                 two.number, one.failed = one.number + 1, True
-            elif one.station:
-                one.failed = one.reply is None
