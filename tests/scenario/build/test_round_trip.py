@@ -49,7 +49,7 @@ def test_every_default_is_written() -> None:
         "name": "test",
         "duration": "10 s",
         "seed": 1,
-        "buses": [{"name": "link", "nn": True}],
+        "buses": [{"name": "link", "nn": True, "contention": "undefined"}],
         "plcs": [
             {
                 "name": "press1",

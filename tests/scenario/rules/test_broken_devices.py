@@ -57,7 +57,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     "key": (
         changed((DRIVE, "{name: drive, model: stepper, bus: line, coils: {1: 1}}")),
         [
-            "x.yaml:24:46: coils is not a key here; allowed are name, model, bus, baud, format, station, mode, delay, jitter, registers, steps, switches, profile"
+            "x.yaml:24:46: coils is not a key here; allowed are name, model, bus, baud, format, station, mode, delay, jitter, rtu_gaps, registers, steps, switches, profile"
         ],
     ),
     "register": (

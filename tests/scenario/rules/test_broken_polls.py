@@ -122,7 +122,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     ),
     "device": (
         changed((POLL, "{port: COM3, station: 1, function: 3, address: 0, to: D9999}")),
-        ["x.yaml:16:63: polls.0.to is 'D9999', allowed D0–D8255"],
+        ["x.yaml:16:63: polls.0.to is 'D9999', allowed D0–D8511"],
     ),
     "free keys": (
         changed((POLL, "{port: COM3, station: 1, function: 3, address: 0, to: D400, send: D5, text: a}")),

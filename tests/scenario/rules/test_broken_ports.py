@@ -112,7 +112,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     "words type": (
         changed((MASTER, "COM3: {bus: line, protocol: modbus-rtu-master, cpavl: {words: D9990, bit: X5}}")),
         [
-            "x.yaml:13:69: ports.COM3.cpavl.words is 'D9990', allowed D0–D8255",
+            "x.yaml:13:69: ports.COM3.cpavl.words is 'D9990', allowed D0–D8511",
             "x.yaml:13:76: ports.COM3.cpavl.bit is not a key here; allowed are words, bits; did you mean bits?",
         ],
     ),
