@@ -237,7 +237,8 @@ def test_a_profile_with_the_fields_of_ports_changed() -> None:
     )
     given = dict.fromkeys(field.name for field in dataclasses.fields(found))
     unreachable = given.keys() - ProfileIn.model_fields.keys()
-    assert unreachable == {"name", "documented_modes", "devices", "rs_port"}  # what a family is, not how it behaves
+    # What a family is, not how it behaves.
+    assert unreachable == {"name", "documented_modes", "devices", "rs_port"}
 
 
 def test_silences_left_out_stay_as_they_are() -> None:
