@@ -137,7 +137,16 @@ def test_a_modbus_bus(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     file, output = tmp_path / "s.yaml", tmp_path / "fitted.yaml"
     file.write_text(BUS, encoding="utf-8")
     bussim.run(file, out=tmp_path / "run", trace=True)
-    found = fitted(capsys, str(tmp_path / "run"), "-o", str(output))["modbus"]
+    whole = fitted(capsys, str(tmp_path / "run"), "-o", str(output))
+    assert whole["comparison"]["verdict"] == "agrees"
+    assert whole["comparison"]["tail_judged"]
+    assert whole["warnings"] == []
+    found = whole["modbus"]
+    assert found["timeout_ms"] == 105  # and the pause of 5 ms that a panel keeps
+    assert found["timeout_between_ms"] is None
+    assert found["burst"]["seen"] in (False, None)
+    assert found["master_receiver"]["repeats"] == 0
+    assert found["ber"]["value"] == 0  # what is lost is not damaged
     assert found["protocol"] == "modbus-rtu"
     every = {poll["station"]: (poll["every_ms"], poll["periodic"]) for poll in found["polls"]}
     assert every[1] == (pytest.approx(200, rel=0.01), True)

@@ -15,7 +15,7 @@ from bussim.live.fit.clusters import Attempt
 from bussim.live.fit.comparison import Behaviour
 from bussim.live.fit.noise import MASTER, UNKNOWN, FrameLog, MasterReceiver, NoiseEstimate, received
 from bussim.live.fit.outages import DAMAGED, REPLIED, SILENT, Losses, Outcomes, losses
-from bussim.live.fit.polls import PollEstimate, Turn, numbered, polls_of, repeats_of
+from bussim.live.fit.polls import PollEstimate, Request, Turn, numbered, polls_of, repeats_of
 from bussim.live.fit.statistics import Estimate, mean
 from bussim.live.fit.turnaround import TurnaroundDistribution, distribution_of
 from bussim.live.sniff.decoder import Line
@@ -217,7 +217,8 @@ class BusObserver(ModbusDecoder):
             for number, (before, turn) in enumerate(pairwise(turns), 1)
             if before.replied is not None and number not in unasked
         ]
-        timeout, between = self._timeout(unasked) if timed else (None, None)
+        polls = polls_of(turns, unasked, span, timed=timed)
+        timeout, between = self._timeout(unasked, polls) if timed else (None, None)
         noise = self._log.estimate(
             [*attempts, *self._damaged_requests.values()], self._master_receiver(repeats), timed=timed
         )
@@ -225,7 +226,7 @@ class BusObserver(ModbusDecoder):
             protocol=self._protocol,
             baud=self._line.baud,
             format=self._line.format,
-            polls=polls_of(turns, unasked, span, timed=timed),
+            polls=polls,
             slaves=tuple(
                 _slave(number, self._slaves[number], lost, resolution, timed=timed)
                 for number, lost in found.items()
@@ -248,29 +249,37 @@ class BusObserver(ModbusDecoder):
             begin=self._begin or 0,
         )
 
-    def _timeout(self, repeats: frozenset[int]) -> tuple[int | None, tuple[int, int] | None]:
+    def _timeout(
+        self, repeats: frozenset[int], polls: Sequence[PollEstimate]
+    ) -> tuple[int | None, tuple[int, int] | None]:
         """The master's timeout, and between what it is where no wait shows it.
 
-        A wait shows it if the next request then came at another time than behind a good response.
+        A wait does not show it if what was requested next was due just then.
         """
-        usual, waits, hidden, delays = [], [], [], []
+        usual = {each.request: (each.low or 0, each.high or 0) for each in polls}
+        slack = self._line.silence + self._line.slack
+        latest: dict[Request, int] = {}
+        waits: list[int] = []
+        hidden: list[int] = []
+        longest = 0
         for number, (before, turn) in enumerate(pairwise(self._turns), 1):
-            distance, wait = turn.sent - before.sent, turn.sent - before.asked
+            if before.attempt == 1 and number - 1 not in repeats:
+                latest[before.request] = before.sent
+            wait, (low, high) = turn.sent - before.asked, usual[turn.request]
             if number in repeats:
                 waits.append(wait)
             elif before.replied is not None:
-                usual.append(distance)
-                delays.append(before.replied - before.asked)
+                longest = max(longest, before.replied - before.asked)
             elif before.outcome == "no_answer":
-                hidden.append((distance, turn.attempt, wait))
-        slack = self._line.silence + self._line.slack
-        low, high = (min(usual) - slack, max(usual) + slack) if usual else (0, 0)
-        waits += [wait for distance, attempt, wait in hidden if attempt > 1 or not low <= distance <= high]
+                since = latest.get(turn.request)  # None: whether it was due is not known
+                on_time = since is None or low - slack <= turn.sent - since <= high + slack
+                due = turn.attempt == 1 and on_time
+                (hidden if due else waits).append(wait)
         if waits:
             return max(min(waits), self._line.silence), None
         if not hidden:
             return None, None
-        between = max(delays, default=0), min(wait for _, _, wait in hidden)
+        between = longest, min(hidden)
         return max(sum(between) // 2, self._line.silence), between
 
     def _leave_out_recorder(self) -> None:

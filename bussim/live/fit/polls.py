@@ -46,6 +46,11 @@ class PollEstimate:
     retries: int
 
     @property
+    def request(self) -> Request:
+        """What is asked for."""
+        return self.station, self.function, self.address, self.quantity
+
+    @property
     def name(self) -> str:
         """What a reader calls it."""
         return f"{self.station}: {self.function:02X} at {self.address} × {self.quantity}"

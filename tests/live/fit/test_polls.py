@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bussim.live.fit.polls import Request, Turn, polls_of, repeats_of
+from bussim.live.fit.polls import Request, Turn, numbered, polls_of, repeats_of
 
 A, B, C = ((1, 3, address, 2) for address in (0, 10, 20))
 MS = 72_000
@@ -73,3 +73,33 @@ def test_a_turn_that_was_held_up_makes_the_next_one_no_repeat() -> None:
     regular: list[tuple[Request, float]] = [(B, 200.0 * number) for number in range(20)]
     regular[6] = (B, 1360.0)
     assert repeats_of(turns(*regular)) == []
+
+
+def failing(pattern: str, distance: float, every: float = 200) -> list[Turn]:
+    """A request every 200 ms; each letter is an attempt: good (g) or without a reply (n), then again."""
+    found = []
+    for number, word in enumerate(pattern.split() * 10):
+        for attempt, letter in enumerate(word):
+            sent = round((number * every + attempt * distance) * MS)
+            replied = sent + 20 * MS if letter == "g" else None
+            outcome = "ok" if letter == "g" else "no_answer"
+            found.append(Turn(A, attempt + 1, sent, sent + 8 * MS, replied, 90, outcome))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("pattern", "retries"), [("g g ng g nng nnn g", 2), ("g ng g", 1), ("g nnnn g ng", 3)]
+)
+def test_retries_are_those_behind_which_the_master_gives_up(pattern: str, retries: int) -> None:
+    (found,) = polls_of(numbered(failing(pattern, 40)), frozenset(), 1)
+    assert (found.retries, found.every) == (retries, 200 * MS)
+
+
+def test_a_request_that_comes_again_when_it_is_due_is_no_repeat() -> None:
+    """A listener numbers attempts from failure to success; this master has no retries."""
+    rows = failing("g", 0)
+    rows[3] = rows[3]._replace(replied=None, outcome="no_answer")
+    rows[4] = rows[4]._replace(attempt=2)
+    found = numbered(rows)
+    assert {turn.attempt for turn in found} == {1}
+    assert polls_of(found, frozenset(), 1)[0].retries == 0
