@@ -21,6 +21,8 @@ _LEAST_EDGES = 20
 #: Characters that are read in every format and protocol. Where one has such a share of them in sound frames,
 #: and none other half of it, it is the line's; else all that was surveyed decides.
 _GLANCED, _CLEAR = 1500, 0.9
+#: Several channels are one line if they give so many times the responses that one of them gives.
+_FAR_MORE = 4
 #: Wrong bits that noise may make, as a share of characters.
 _FEW_WRONG = 0.05
 
@@ -70,8 +72,9 @@ class Channels:
         if len(alike) < 2 or protocol is None:
             return best
         alone, together = self._together(setup, protocol, [setup.channels[0], *alike])
-        # Where one channel has both directions, others repeat a part of it.
-        several = len(settings.channels) > 1 or together.score.responses > 2 * alone.score.responses
+        # Where one channel has both directions, others repeat a part of it, or are what its nodes drive: of
+        # two that send at once more is sound on these than on the line.
+        several = len(settings.channels) > 1 or together.score.responses > _FAR_MORE * alone.score.responses
         return together if several else best
 
     def _together(self, setup: LineSetup, protocol: LineProtocol, names: list[str]) -> list[Reading]:
