@@ -64,6 +64,7 @@ faults:
   - {count: 2, insert_char: {station: press2, direction: rx, index: 4, value: 0x30}}
   - {flip_bits: {station: press2, bits: [62, 31], frame: data}}
   - {board_error: {plc: press2, port: COM5, code: 40}}
+  - {count: 3, pause: {station: press2, index: 4, by: 1 ms}}
 """
 
 
@@ -129,6 +130,7 @@ def test_faults() -> None:
         model.Fault("insert_char press2", fault_kinds.InsertChar("press2", rx, 2, 4, 0x30)),
         model.Fault("flip_bits press2", fault_kinds.FlipBits("press2", tx, (31, 62), None, "data")),
         model.Fault("board_error press2", fault_kinds.BoardError("press2", "COM5", 40)),
+        model.Fault("pause press2", fault_kinds.Pause("press2", MS, 3, 4)),
     )
 
 
