@@ -57,7 +57,7 @@ _EXAMPLES = {
 #: Stands for the keys that a scenario must have where one of them is wrong, so that others can be read.
 _TOP = {"schema": 1, "name": "scenario", "duration": "1 s"}
 #: From so many keys on a form is large.
-_MANY = 12
+_MANY = 13
 #: Sections that may stand empty, as when all of their entries are commented out.
 _EMPTY_LISTS = frozenset({"buses", "devices", "polls", "noise", "faults", "observe", "latency"})
 #: Keys of entries that name a bus, by section.

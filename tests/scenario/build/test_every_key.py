@@ -8,7 +8,7 @@ from __future__ import annotations
 import copy
 import functools
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import fields as dataclass_fields
 from dataclasses import replace
 from itertools import chain
@@ -135,6 +135,8 @@ faults:
   - {at: 1 s, board_error: {plc: press2, port: COM5, code: 40}}
   - {power_on: {press2: 4 s}}
 observe: [press1.D0]
+warnings:
+  - {code: bursts, text: errors come in bursts}
 latency:
   - {name: through, from: press1.X0, to: press1.Y0, edge: rising, inverted: true}
 """  # fmt: skip
@@ -202,7 +204,11 @@ def within(form: type[Model], value: Any, path: Keys) -> Iterator[tuple[type[Mod
         yield form, key, (*path, key)
         inner = _model_in(info.annotation)
         if inner is not None:
-            named = value[key].items() if _is_dict(info.annotation) else [(None, value[key])]
+            named: Iterable[tuple[str | int | None, Any]] = [(None, value[key])]
+            if isinstance(value[key], list):
+                named = enumerate(value[key])
+            elif _is_dict(info.annotation):
+                named = value[key].items()
             for name, item in named:
                 yield from within(inner, item, (*path, key) if name is None else (*path, key, name))
 

@@ -78,7 +78,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     "unknown top key": (
         added("noises: []\n"),
         [
-            "x.yaml:12:1: noises is not a key here; allowed are schema, name, duration, seed, buses, plcs, devices, noise, faults, observe, latency, allow_unsimulated; did you mean noise?"
+            "x.yaml:12:1: noises is not a key here; allowed are schema, name, duration, seed, buses, plcs, devices, noise, faults, observe, latency, warnings, allow_unsimulated; did you mean noise?"
         ],
     ),
     "unknown nn key": (

@@ -510,7 +510,7 @@ CASES: dict[str, tuple[str, str, list[str]]] = {
         "ｄuration: 60 s",
         [
             "1:1: duration is missing",
-            "3:1: ｄuration is not a key here; allowed are schema, name, duration, seed, buses, plcs, devices, noise, faults, observe, latency, allow_unsimulated; did you mean duration?; there is ｄ (fullwidth latin small letter d), write d",
+            "3:1: ｄuration is not a key here; allowed are schema, name, duration, seed, buses, plcs, devices, noise, faults, observe, latency, warnings, allow_unsimulated; did you mean duration?; there is ｄ (fullwidth latin small letter d), write d",
         ],
     ),
     "decimal comma": (

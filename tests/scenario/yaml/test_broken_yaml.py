@@ -108,7 +108,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     "int key": (
         added("1: 2\n"),
         [
-            "x.yaml:12:1: 1 is not a key here; allowed are schema, name, duration, seed, buses, plcs, devices, noise, faults, observe, latency, allow_unsimulated"
+            "x.yaml:12:1: 1 is not a key here; allowed are schema, name, duration, seed, buses, plcs, devices, noise, faults, observe, latency, warnings, allow_unsimulated"
         ],
     ),
     "big number": (

@@ -81,7 +81,7 @@ def test_the_source_says_what_was_run() -> None:
         ("=5", "--set =5: expected key.path=value, such as plcs.press1.nn.retries=2"),
         (
             "sed=5",
-            "--set sed=5: sed is not a key here; allowed are schema, name, duration, seed, buses, plcs, devices, noise, faults, observe, latency, allow_unsimulated; did you mean seed?",
+            "--set sed=5: sed is not a key here; allowed are schema, name, duration, seed, buses, plcs, devices, noise, faults, observe, latency, warnings, allow_unsimulated; did you mean seed?",
         ),
         (
             "plcs.press9.nn.retries=2",
