@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -61,7 +62,6 @@ def first_scan(
     memories that differ in the link's settings, and what is the same afterwards, or was changed, the
     program has set.
     """
-    from bussim.plc.program.execution import ProgramRun  # what only a PLC with a program pays
 
     def powered() -> Memory:
         memory = memory_at_power_on(profile, registers)
@@ -69,22 +69,19 @@ def first_scan(
             memory.set(device, stimulus.level(now))
         return memory
 
-    def tried(memory: Memory) -> _Calls:
-        calls = _Calls()
-        run = ProgramRun(program, memory, times=profile.instruction_times, ports=calls, power_on=now)
-        run.run(now)
-        run.scan(now)
-        return calls
-
     before, memory, other = powered(), powered(), powered()
     settings = {name: parse_device(name) for name in TAKE_PART}
     for device in settings.values():
         other.set(device, other.get(device) ^ (0x5A5A if device.is_word else 1))
-    calls = tried(memory)
-    tried(other)
+    calls = _tried(program, profile, memory, now)
+    setting, linked = program, memory
+    if profile.link_at_step_0:
+        setting, linked = program.link_settings, powered()
+        _tried(setting, profile, linked, now)
+    _tried(setting, profile, other, now)
     found = FirstScan()
-    for name, device in settings.items() if program.sets_link(at_step_0=profile.link_at_step_0) else ():
-        value = memory.get(device)
+    for name, device in settings.items():
+        value = linked.get(device)
         if value == other.get(device) or value != before.get(device):
             found.link[name] = value
     if program.uses_rs:
@@ -100,3 +97,35 @@ def first_scan(
         station = memory.get(cpavl.COM2_STATION)
         found.ports["COM2"].registers[str(cpavl.COM2_STATION)] = station
     return found
+
+
+def settings_under_m8038(
+    program: Program,
+    profile: Profile,
+    memory: Memory,
+    values: Mapping[int, int],
+    inputs: Mapping[Device, Stimulus],
+    now: int,
+) -> dict[int, int]:
+    """D8176–D8180 that a PLC takes over which wants M8038 at step 0, at RUN with this memory.
+
+    ``values`` are theirs without the program, by address: what other rungs wrote is without effect.
+    """
+    scratch = deepcopy(memory)
+    for address, value in values.items():
+        scratch.set_word("D", address, value)
+    for device, stimulus in inputs.items():
+        scratch.set(device, stimulus.level(now))
+    _tried(program.link_settings, profile, scratch, now)
+    return {address: scratch.word("D", address) for address in values}
+
+
+def _tried(program: Program, profile: Profile, memory: Memory, now: int) -> _Calls:
+    """RUN and the first scan on a memory; returns the ports that it set up."""
+    from bussim.plc.program.execution import ProgramRun  # what only a PLC with a program pays
+
+    calls = _Calls()
+    run = ProgramRun(program, memory, times=profile.instruction_times, ports=calls, power_on=now)
+    run.run(now)
+    run.scan(now)
+    return calls

@@ -10,6 +10,7 @@ from bussim.engines.nn.frames import MODES, LinkSettings
 from bussim.engines.nn.master import Master
 from bussim.line.random_streams import Streams
 from bussim.plc.errors import SerialErrors
+from bussim.plc.first_scan import settings_under_m8038
 from bussim.plc.inputs import Stimulus
 from bussim.plc.link_registers import LinkEngine, LinkRegisters, memory_at_power_on, setting_values
 from bussim.plc.logic import Logic
@@ -150,10 +151,11 @@ class Plc:
         """
         # The first scan begins; settings that its program writes are in force from here on, if they may be.
         logic, program, profile = self.logic, self._program, self.profile
-        spent = logic.run(now) if logic is not None else 0
-        given = None  # where those of the program do not count: the scenario's
-        if program is not None and not program.sets_link(at_step_0=profile.link_at_step_0):
+        given = None
+        if program is not None and profile.link_at_step_0:
             given = setting_values(profile, {str(device): at for device, at in self._registers.items()})
+            given = settings_under_m8038(program, profile, self.memory, given, self._inputs, now)
+        spent = logic.run(now) if logic is not None else 0
         mean, jitter = self.scan_under_link()
         take_over = self.link_registers.take_over
         engine = take_over(self.longest_scan(), traced=traced, values=given) if self._linked else None

@@ -14,7 +14,7 @@ from bussim.plc.memory import parse_device
 from bussim.results.meters.watch import Watch, Watched
 from bussim.scenario.loader import loads
 from bussim.sim.runner import simulate
-from tests.sim.build import MS, SECOND, Recorder, run
+from tests.sim.build import MS, SECOND, Recorder, registers_now, run
 
 
 def watched(text: str, names: str) -> dict[str, Watched]:
@@ -390,7 +390,8 @@ def test_where_a_program_sets_the_link(profile: str, master: str, runs: bool) ->
     for warning in found:
         assert warning == (
             "m: MOV writes D8176, but not under M8038 as the contact of the program's first step: profile "
-            f"{profile} does not take that over (assumed), and m takes no part in the link"
+            f"{profile} does not take that over (assumed), and m takes no part in the link; "
+            + "; ".join(f"also D{8175 + n} at line {n + 1} of the program" for n in range(2, 6))
         )
 
 
@@ -403,7 +404,32 @@ def test_settings_of_the_scenario_stay_where_a_program_may_not_set_them() -> Non
         assert {len(frame.chars) for frame in frames} == {22}  # mode 0, not 1
         assert frames[-1].start > 9 * SECOND
     (found,) = [text for text in loads(text).warnings if "M8038" in text]
-    assert found.endswith("profile fx3u does not take that over (assumed)")
+    assert "profile fx3u does not take that over (assumed); also D8177 at line 3 of the program; " in found
+
+
+def test_settings_outside_of_the_rung_under_m8038_are_not_taken_over() -> None:
+    text = link("fx3u").replace(
+        "MOV K1 D8178", "MPS\n      AND X7\n      MOV K9 D8177\n      MPP\n      MOV K2 D8179"
+    )
+    text = text.replace("MOV K3 D8179", "      LD M8002\n      MOV K1 D8178\n      MOV K3 D8179")
+    scenario = loads(text + "  - {at: 2 s, for: 1 s, stop: m}\n")
+    registers = scenario.plcs[0].registers
+    assert {name: registers[name] for name in ("D8176", "D8177", "D8179")} == {
+        "D8176": 0,
+        "D8177": 2,
+        "D8179": 2,
+    }
+    assert not {"D8178", "D8180"} & set(registers)
+    (found,) = [text for text in scenario.warnings if "M8038" in text]
+    assert found == (
+        "m: MOV writes D8178, but not under M8038 as the contact of the program's first step: profile fx3u does "
+        "not take that over (assumed); also D8179 at line 11 of the program; also D8180 at line 12 of the program"
+    )
+    done = run(scenario)
+    frames = done.of("m")
+    assert {len(frame.chars) for frame in frames} == {22}  # mode 0, not 1, before the stop and after it
+    assert frames[-1].start > 9 * SECOND
+    assert registers_now(done.simulation, "m")["D8175"] == 0
 
 
 BAD = """

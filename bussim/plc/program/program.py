@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 from bussim.errors import Problem, ProgramError
@@ -11,7 +11,7 @@ from bussim.plc.memory import Device
 from bussim.plc.program.machine import BACKWARDS
 from bussim.plc.program.text.catalog import Instruction
 from bussim.plc.program.text.flow import BasicBlock, FlowCheck, cut
-from bussim.plc.program.text.ladder import Ladder
+from bussim.plc.program.text.ladder import Ladder, Rung, contacts_of
 from bussim.plc.program.text.operand_checks import Extent, extents
 from bussim.plc.program.text.source import Source
 from bussim.plc.program.text.specials import not_simulated
@@ -83,12 +83,21 @@ class Program:
     @property
     def sets_link_at_step_0(self) -> bool:
         """Whether its first step is a contact of M8038, as an FX wants it for its link settings."""
-        first = self.instructions[0]
-        return first.name == "LD" and first.operands[0].device == Device("M", LINK_SETTINGS)
+        wanted = Device("M", LINK_SETTINGS)
+        return any(at.name == "LD" and at.operands[0].device == wanted for at in self.instructions[:1])
 
-    def sets_link(self, *, at_step_0: bool) -> bool:
-        """Whether the link settings of its first scan are taken over; see the field of the profile."""
-        return self.sets_link_at_step_0 or not at_step_0
+    @property
+    def link_settings(self) -> Program:
+        """Its rung under M8038 as the contact of its first step, and nothing else; no rung without that."""
+        first = self.instructions[0]
+        rungs = [
+            item
+            for item in (self.blocks[0].rungs if self.sets_link_at_step_0 else ())
+            if isinstance(item, Rung) and first in contacts_of(item.condition)
+        ]
+        count = rungs[-1].outputs[-1].number + 1 if rungs else 0
+        kept, blocks = self.instructions[:count], (BasicBlock([*rungs]),)
+        return replace(self, name=f"{self.name}: its rung under M8038", instructions=kept, blocks=blocks)
 
     @property
     def turns_bmov(self) -> bool:

@@ -69,16 +69,22 @@ def _named(device: str, member: Member) -> str:
 def _check_settings(member: Member, report: Report) -> None:
     """What the scenario says of the link and the program says otherwise."""
     name, friendly, raw, program = member.name, member.friendly, member.raw, member.logic.program
-    if program is not None and not program.sets_link(at_step_0=member.profile.link_at_step_0):
+    if program is not None and member.profile.link_at_step_0:
         from bussim.plc.program.text.operand_checks import extents
 
-        written = ((at, each) for at in program.instructions for each in extents(at) if each.writes)
-        late = [(at, device) for at, each in written if (device := f"{each.letter}{each.first}") in TAKE_PART]
+        late = [
+            (at, device)
+            for at in program.instructions[len(program.link_settings.instructions) :]
+            for each in extents(at)
+            for device in TAKE_PART
+            if each.writes and each.holds(device[0], int(device[1:]), word=device[0] == "D")
+        ]
         for at, device in late[:1]:
+            also = "".join(f"; also {other} at line {each.line}" for each, other in late[1:])
             message = (
                 f"{at.name} writes {device}, but not under M8038 as the contact of the program's first step: "
                 f"profile {member.profile.name} does not take that over (assumed)"
-                f"{'' if member.takes_part else f', and {name} takes no part in the link'}"
+                f"{'' if member.takes_part else f', and {name} takes no part in the link'}{also}"
             )
             _warn_at(member, at, message, report)
     for device, value in member.logic.first.link.items():

@@ -11,14 +11,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import assert_never
 
 from bussim.engines.nn.frames import MODES
 from bussim.plc.link_registers import D_MODE, D_SLAVES, D_STATION, bad_parameters, setting_values
 from bussim.plc.memory import FIRST_SPECIAL, BlockRange, Device, block_range
 from bussim.plc.program.program import Program
 from bussim.plc.program.text.catalog import Instruction
-from bussim.plc.program.text.ladder import Both, Condition, Contact, Either, Not, Rung, Saved
+from bussim.plc.program.text.ladder import Condition, Rung, contacts_of, parts
 from bussim.plc.program.text.operand_checks import READ_ONLY_BITS, Extent, extents
 from bussim.scenario.model import Plc
 
@@ -196,32 +195,8 @@ def rungs_of(program: Program) -> Iterator[tuple[list[Instruction], list[Instruc
     for item in (item for block in program.blocks for item in (*block.rungs, block.exit)):
         if item is None or item.condition is None:
             continue
-        contacts, waiting = [*masters.get(item.level, [])], [item.condition]
-        while waiting:
-            found, rungs = parts(waiting.pop(0))
-            contacts += found
-            waiting += [rung.condition for rung in rungs]
+        contacts = [*masters.get(item.level, []), *contacts_of(item.condition)]
         outputs = item.outputs if isinstance(item, Rung) else [item.instruction]
         if outputs and outputs[0].name == "MC":
             masters[outputs[0].operands[0].address] = contacts
         yield contacts, outputs
-
-
-def parts(condition: Condition) -> tuple[list[Instruction], list[Rung]]:
-    """The contacts of a condition, and the earlier rungs whose level it takes."""
-    contacts: list[Instruction] = []
-    rungs: list[Rung] = []
-    waiting = [condition]
-    while waiting:
-        match part := waiting.pop():
-            case Contact(at):
-                contacts.append(at)
-            case Saved(rung):
-                rungs.append(rung)
-            case Not(inner):
-                waiting.append(inner)
-            case Both(first, second) | Either(first, second):
-                waiting += [second, first]
-            case _:
-                assert_never(part)
-    return contacts, rungs

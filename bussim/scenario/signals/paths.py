@@ -17,14 +17,13 @@ from bussim.engines.nn.frames import data_chars
 from bussim.line.characters import NN_LINE
 from bussim.plc.memory import FIRST_SPECIAL, Device, parse_device
 from bussim.plc.program.text.catalog import Instruction
-from bussim.plc.program.text.ladder import Both, Condition, Contact, Either, Not, Saved
+from bussim.plc.program.text.ladder import Both, Condition, Contact, Either, Not, Saved, parts
 from bussim.plc.program.text.operand_checks import READ_ONLY_BITS, extents
 from bussim.scenario.model import Latency, Plc, Scenario
 from bussim.scenario.signals.network import (
     Marks,
     Network,
     Reachability,
-    parts,
     vague_instructions,
 )
 

@@ -345,3 +345,33 @@ class Ladder:
         self._step, self._steps = instruction, (*self._steps, *states) if joined else states
         always = replace(instruction, name="LD", form=FORMS["LD"], operands=_ALWAYS)
         self._accumulator, self._finished = Contact(always), True
+
+
+def parts(condition: Condition) -> tuple[list[Instruction], list[Rung]]:
+    """The contacts of a condition, and the earlier rungs whose level it takes."""
+    contacts: list[Instruction] = []
+    rungs: list[Rung] = []
+    waiting = [condition]
+    while waiting:
+        match part := waiting.pop():
+            case Contact(at):
+                contacts.append(at)
+            case Saved(rung):
+                rungs.append(rung)
+            case Not(inner):
+                waiting.append(inner)
+            case Both(first, second) | Either(first, second):
+                waiting += [second, first]
+            case _:
+                assert_never(part)
+    return contacts, rungs
+
+
+def contacts_of(condition: Condition) -> list[Instruction]:
+    """The contacts of a condition, those of the earlier rungs included whose level it takes."""
+    contacts, waiting = [], [condition]
+    while waiting:
+        found, rungs = parts(waiting.pop(0))
+        contacts += found
+        waiting += [rung.condition for rung in rungs]
+    return contacts
