@@ -11,8 +11,9 @@ from bussim.errors import Problem, ProgramError
 from bussim.forms.registers import named_devices
 from bussim.plc.first_scan import FirstScan, first_scan
 from bussim.plc.inputs import InputSpec, Pulse, RandomInput, Square, Times
-from bussim.plc.memory import parse_device
+from bussim.plc.memory import Device, parse_device
 from bussim.plc.profiles import Profile
+from bussim.plc.system_devices import CLOCK, clock_of
 from bussim.scenario.schema.document import PlcIn
 from bussim.scenario.schema.programs import InputIn, ProgramIn
 from bussim.scenario.yaml.files import Files
@@ -104,6 +105,11 @@ def read_logic(
     levels = {
         parse_device(name): given for name, given in inputs.items() if not isinstance(given, RandomInput)
     }
+    clock = [Device("D", address) for address in CLOCK[:-1]]
+    try:
+        clock_of([known.get(device, 0) & 0xFFFF for device in clock])
+    except ValueError:  # which a rule reports: the program's link and ports are tried at another time
+        known = {device: value for device, value in known.items() if device not in clock}
     first = first_scan(program, profile, known, levels, power_on)
     return PlcLogic(program, origin, first, inputs, comments)
 
