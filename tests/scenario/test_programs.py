@@ -476,6 +476,14 @@ def test_devices_of_one_block_must_be_the_same(
     assert any(warned in said for said in found) if warned else not found
 
 
+def test_settings_after_the_first_scan_are_not_called_none(tmp_path: Path) -> None:
+    text, late = TEXT.partition("latency:")[0], SLAVE.replace("LD M8002", "LD X7")
+    (found,) = [text for text in warnings(tmp_path, text, two__il=late) if "takes no part in N:N" in text]
+    assert (
+        "(no nn, and none of M8179, D8176 to D8180 set in the first scan) and COM4 has no protocol" in found
+    )
+
+
 # -- shared bits without their station's error flag ------------------------------------------------------
 
 UNGUARDED = "without its error flag M8184: while that station is away the bit stays what it was"

@@ -35,6 +35,7 @@ from bussim.scenario.resolve.port_configuration import (
 )
 from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.rules.buses import understood
+from bussim.scenario.rules.programs import link_writes, lost_settings
 from bussim.scenario.schema.document import PlcIn, PortIn
 from bussim.scenario.schema.draft import Entry
 from bussim.scenario.yaml.source_map import Path, Report
@@ -135,11 +136,15 @@ def _check_bare(
         report.error((*path, key), f"needs a protocol; allowed on {name}: {', '.join(protocols_of(name))}")
     if _given(port) or entry.lost("nn", "registers", "ports"):
         return
+    if not member.takes_part and lost_settings(member):
+        return  # which was said
     if not member.takes_part:
+        program = member.logic.program
+        when = " in the first scan" if program is not None and link_writes(program) else ""
         report.warn(
             path,
-            f"{member.name} takes no part in N:N (no nn, and none of M8179, D8176 to D8180 set) and {name} "
-            f"has no protocol: its port {name} does nothing",
+            f"{member.name} takes no part in N:N (no nn, and none of M8179, D8176 to D8180 set{when}) and "
+            f"{name} has no protocol: its port {name} does nothing",
         )
     elif line is None or not line.is_link:
         report.warn(path, f"port {name} of {member.name} has no protocol: it does nothing")

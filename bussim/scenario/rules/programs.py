@@ -66,27 +66,40 @@ def _named(device: str, member: Member) -> str:
     return f"{device} ({comment})" if comment else device
 
 
+def link_writes(program: Program) -> list[tuple[Instruction, str]]:
+    """What a program writes of M8179 and D8176 to D8180, line by line."""
+    from bussim.plc.program.text.operand_checks import extents  # what only a scenario with programs pays
+
+    return [
+        (at, device)
+        for at in program.instructions
+        for each in extents(at)
+        for device in TAKE_PART
+        if each.writes and each.holds(device[0], int(device[1:]), word=device[0] == "D")
+    ]
+
+
+def lost_settings(member: Member) -> list[tuple[Instruction, str]]:
+    """What the program writes of them outside of the rung whose settings its family takes over."""
+    program = member.logic.program
+    if program is None or not member.profile.link_at_step_0:
+        return []
+    taken_over = len(program.link_settings.instructions)
+    return [(at, device) for at, device in link_writes(program) if at.number >= taken_over]
+
+
 def _check_settings(member: Member, report: Report) -> None:
     """What the scenario says of the link and the program says otherwise."""
-    name, friendly, raw, program = member.name, member.friendly, member.raw, member.logic.program
-    if program is not None and member.profile.link_at_step_0:
-        from bussim.plc.program.text.operand_checks import extents
-
-        late = [
-            (at, device)
-            for at in program.instructions[len(program.link_settings.instructions) :]
-            for each in extents(at)
-            for device in TAKE_PART
-            if each.writes and each.holds(device[0], int(device[1:]), word=device[0] == "D")
-        ]
-        for at, device in late[:1]:
-            also = "".join(f"; also {other} at line {each.line}" for each, other in late[1:])
-            message = (
-                f"{at.name} writes {device}, but not under M8038 as the contact of the program's first step: "
-                f"profile {member.profile.name} does not take that over (assumed)"
-                f"{'' if member.takes_part else f', and {name} takes no part in the link'}{also}"
-            )
-            _warn_at(member, at, message, report)
+    name, friendly, raw = member.name, member.friendly, member.raw
+    late = lost_settings(member)
+    for at, device in late[:1]:
+        also = "".join(f"; also {other} at line {each.line}" for each, other in late[1:])
+        message = (
+            f"{at.name} writes {device}, but not under M8038 as the contact of the program's first step: "
+            f"profile {member.profile.name} does not take that over (assumed)"
+            f"{'' if member.takes_part else f', and {name} takes no part in the link'}{also}"
+        )
+        _warn_at(member, at, message, report)
     for device, value in member.logic.first.link.items():
         if device in friendly and friendly[device] != value:
             key = KEYS_OF_DEVICES[device]
