@@ -58,7 +58,7 @@ class MasterLost(NamedTuple):
     It lasts from the last valid frame of the master that reached the slaves whose watchdog on it expired
     (``stations``, by name), to the next one; without such slaves from the beginning of the link scan that was
     not completed, or of the run, to that of the next. ``scans_missed`` are the link scans of median length
-    that fit into it, 0 where the master made link scans meanwhile.
+    that fit into what of it was between link scans, 0 where the master went on with them.
     """
 
     start: int
@@ -241,8 +241,14 @@ class LinkMeter:
         def end_of(end: int | None) -> int:
             return duration if end is None else end
 
+        def without_scans(each: MasterLost, within: Span) -> int:
+            start, end = each.start, end_of(each.end)
+            if within in gaps:
+                return end - start
+            return sum(max(0, min(end, end_of(gap.end)) - max(start, gap.start)) for gap in gaps)
+
         # Each with the times in which what belongs to it begins.
-        found = [(MasterLost(*gap, (), 1), gap) for gap in gaps]
+        found = [(MasterLost(*gap, (), 0), gap) for gap in gaps]
         for span, name in lost:
             for index, (each, within) in enumerate(found):
                 begins = within.start - usual <= span.start <= end_of(within.end)
@@ -261,11 +267,9 @@ class LinkMeter:
             (
                 each._replace(
                     stations=tuple(sorted(each.stations, key=order.__getitem__)),
-                    # 1 stands for a gap between link scans.
-                    scans_missed=each.scans_missed
-                    and int((end_of(each.end) - each.start) // usual if usual else 0),
+                    scans_missed=int(without_scans(each, within) // usual if usual else 0),
                 )
-                for each, _ in found
+                for each, within in found
             ),
             key=lambda each: each.start,
         )

@@ -11,6 +11,7 @@ from bussim.results.meters.timeline import Span
 from bussim.results.numbers import by_code
 from bussim.results.verdict.catalogue import is_fault, render
 from bussim.results.verdict.parts import Finding, driver_findings, in_all, not_running, serial_errors, summed
+from bussim.units import TICKS_PER_SECOND
 
 #: Causes that a finding of its own has said: of a node's driver, of a PLC that was not in RUN.
 _SAID = (Cause.SHOWN, Cause.STOPPED)
@@ -96,7 +97,7 @@ class _Link:
                     )
                 )
             yield from not_running(plc, away.get(plc, []), self._duration, {"bus": bus})
-        yield from self._without_master()
+        yield from self._without_master(away)
         shared = [*self._shared_numbers()]
         yield from shared
         known = bool(shared)
@@ -115,7 +116,7 @@ class _Link:
 
     # -- the link as a whole -------------------------------------------------------------------------
 
-    def _without_master(self) -> Iterator[Finding]:
+    def _without_master(self, away: Mapping[str, list[Span]]) -> Iterator[Finding]:
         bus, link = self._bus, self._link
         if link["attempts"] is None or not (self._masters or link["scans"]):
             yield "no_master", {"bus": bus}
@@ -125,7 +126,7 @@ class _Link:
             return
         found: dict[tuple[str, tuple[str, ...]], list[Mapping[str, Any]]] = {}
         for lost in link.get("master_lost", ()):
-            key = _lost_key(lost, self._duration)
+            key = _lost_key(lost, self._duration, away.get(self._master, []))
             found.setdefault((key, tuple(lost["stations"])), []).append(lost)
         for (key, stations), every in found.items():
             longest = max(every, key=lambda lost: lost["for_s"])
@@ -251,10 +252,15 @@ class _Link:
                 yield "shown", {"bus": self._bus, "plc": plc, "devices": devices}
 
 
-def _lost_key(lost: Mapping[str, Any], duration: float) -> str:
-    open_end = lost["from_s"] + lost["for_s"] >= duration - 1e-6
+def _lost_key(lost: Mapping[str, Any], duration: float, away: list[Span]) -> str:
+    """Which sentence a time without the master has; ``away`` are the master's times out of RUN."""
+    start, end = lost["from_s"], lost["from_s"] + lost["for_s"]
+    open_end = end >= duration - 1e-6
     if not lost["stations"]:
         return "master_stopped" if open_end else "master_paused"
-    if not lost["scans_missed"]:
+    second = TICKS_PER_SECOND
+    if not lost["scans_missed"] and not any(
+        span.start < end * second and (span.end is None or span.end > start * second) for span in away
+    ):
         return "master_not_received"
     return "master_still_lost" if open_end else "master_lost"

@@ -209,6 +209,26 @@ def test_a_lost_master_is_in_the_station_tables_and_pictures(dead_master: Result
     assert any(label.startswith("master lost by slave_1") for label in labels)
 
 
+@pytest.mark.parametrize(("at", "lasts"), [(7.0, 1.0), (5.2, 12.0)], ids=["meanwhile", "beyond"])
+def test_a_slave_that_dies_after_the_master_was_not_passed_by(
+    at: float, lasts: float, tmp_path: Path
+) -> None:
+    """Its time without the master ends with its own supply; the master made no link scan in it."""
+    line = link(random.Random(3))
+    line["faults"] = [
+        {"at": "5 s", "for": "10 s", "power_off": "plc0"},
+        {"at": f"{at} s", "for": f"{lasts} s", "power_off": "plc1"},
+    ]
+    result = run(line, tmp_path)
+    own = [each for each in result.summary["links"]["link"]["master_lost"] if each["stations"] == ["plc1"]]
+    scan = result.summary["links"]["link"]["scan_time_ms"]["p50"] / 1000
+    assert [each["from_s"] + each["for_s"] for each in own] == [pytest.approx(at)]
+    # The link scan in which its last frame of the master came may have ended before that died.
+    assert own[0]["scans_missed"] == pytest.approx((at - 5) / scan, abs=1.1)
+    said = [item["key"] for item in faults(items(result)) if "scans_missed" in item["values"]]
+    assert set(said) == {"master_lost"}
+
+
 def test_a_master_that_is_back_before_any_watchdog_has_paused(tmp_path: Path) -> None:
     case = ONE_THING_WRONG[0](random.Random(0))
     case.scenario["faults"] = [{"at": "5 s", "for": "30 ms", "stop": "plc0"}]
