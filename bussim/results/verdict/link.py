@@ -17,6 +17,8 @@ from bussim.units import TICKS_PER_SECOND
 _SAID = (Cause.SHOWN, Cause.STOPPED)
 #: Causes of all stations together.
 _TOGETHER = (Cause.MASTER, Cause.RECEIVER)
+#: What disturbs the frames of all, so that nothing that a station shows is without a cause.
+_DISTURBING = ("two_masters", "same_number")
 #: Causes that two masters, or a number given twice, explain.
 _EXPLAINED = frozenset(Cause) - {Cause.MISSING, Cause.REFUSED, *_SAID}
 #: What a station shows of station k: D8203 + k, D8211 + k, M8183 + k (the master is 0).
@@ -36,7 +38,7 @@ def link_findings(
 ) -> Iterator[Finding]:
     """Of one link: how long its scans took, then what was wrong, then that nothing was."""
     yield from ((key, {"bus": bus, **values}) for key, values in _times(link))
-    found = [*_Link(bus, link, record, summary, refused).findings(irregular, away)]
+    found = [*_Link(bus, link, record, summary, refused, away).findings(irregular)]
     yield from found
     if link["scans"] and not any(is_fault(key) for key, _ in found):
         yield "no_station_in_error", {"bus": bus}
@@ -69,7 +71,9 @@ class _Link:
         record: LinkRecord,
         summary: Mapping[str, Any],
         refused: Mapping[str, int],
+        away: Mapping[str, list[Span]],
     ) -> None:
+        self._away = away
         self._bus, self._link, self._record, self._refused = bus, link, record, refused
         self._duration = summary["duration_s"]
         self._registers: dict[str, Mapping[str, int]] = {
@@ -82,7 +86,7 @@ class _Link:
         self._masters = [plc for plc in self._numbers.get(0, ()) if plc not in refused]
         self._master = self._masters[0] if self._masters else render("station_number", {"number": 0})
 
-    def findings(self, irregular: Irregulars, away: Mapping[str, list[Span]]) -> Iterator[Finding]:
+    def findings(self, irregular: Irregulars) -> Iterator[Finding]:
         """Of the link as a whole, then of each slave."""
         bus, link = self._bus, self._link
         for plc in self._record.plc_names:
@@ -96,11 +100,11 @@ class _Link:
                         {"bus": bus, "plc": plc},
                     )
                 )
-            yield from not_running(plc, away.get(plc, []), self._duration, {"bus": bus})
-        yield from self._without_master(away)
+            yield from not_running(plc, self._away.get(plc, []), self._duration, {"bus": bus})
+        yield from self._without_master()
         shared = [*self._shared_numbers()]
         yield from shared
-        known = bool(shared)
+        known = any(key in _DISTURBING for key, _ in shared)
         yield from driver_findings(bus, link["collisions"], irregular, known=known)
         if self._record.master_damaged:
             most = max(self._record.master_damaged.values(), key=lambda times: times.total)
@@ -110,13 +114,14 @@ class _Link:
         yield from self._stations(known=known)
         if link["undetected_frames"]:
             yield "undetected", {"bus": bus, "frames": link["undetected_frames"]}
-        yield from self._unexplained()
+        if not known:
+            yield from self._unexplained()
         for plc, registers in self._registers.items():
             yield from serial_errors(plc, registers, self._refused, {"bus": bus})
 
     # -- the link as a whole -------------------------------------------------------------------------
 
-    def _without_master(self, away: Mapping[str, list[Span]]) -> Iterator[Finding]:
+    def _without_master(self) -> Iterator[Finding]:
         bus, link = self._bus, self._link
         if link["attempts"] is None or not (self._masters or link["scans"]):
             yield "no_master", {"bus": bus}
@@ -126,8 +131,7 @@ class _Link:
             return
         found: dict[tuple[str, tuple[str, ...]], list[Mapping[str, Any]]] = {}
         for lost in link.get("master_lost", ()):
-            key = _lost_key(lost, self._duration, away.get(self._master, []))
-            found.setdefault((key, tuple(lost["stations"])), []).append(lost)
+            found.setdefault((self._lost_key(lost), tuple(lost["stations"])), []).append(lost)
         for (key, stations), every in found.items():
             longest = max(every, key=lambda lost: lost["for_s"])
             missed, total = (sum(lost[name] for lost in every) for name in ("scans_missed", "for_s"))
@@ -135,6 +139,19 @@ class _Link:
             when |= {"from_s": longest["from_s"], "for_s": longest["for_s"]}
             values = {"bus": bus, "master": self._master, **longest, "stations": [*stations]}
             yield key, {**values, "scans_missed": missed, "when": when}
+
+    def _lost_key(self, lost: Mapping[str, Any]) -> str:
+        """Which sentence a time without the master has."""
+        start, end = lost["from_s"] * TICKS_PER_SECOND, (lost["from_s"] + lost["for_s"]) * TICKS_PER_SECOND
+        open_end = end >= (self._duration - 1e-6) * TICKS_PER_SECOND
+        if not lost["stations"]:
+            return "master_stopped" if open_end else "master_paused"
+        if not lost["scans_missed"] and not any(
+            span.start < end and (span.end is None or span.end > start)
+            for span in self._away.get(self._master, ())
+        ):
+            return "master_not_received"
+        return "master_still_lost" if open_end else "master_lost"
 
     def _shared_numbers(self) -> Iterator[Finding]:
         bus, slaves = self._bus, len(self._link["station_errors"])
@@ -225,16 +242,20 @@ class _Link:
     def _unexplained(self) -> Iterator[Finding]:
         """What is on or counted in a station's special devices and follows from nothing that was found."""
         link, record = self._link, self._record
-        told = {
-            *record.master_damaged,
-            *(name for lost in link.get("master_lost", ()) for name in lost["stations"]),
-        }
+        lost = [(each, name) for each in link.get("master_lost", ()) for name in each["stations"]]
+        told = {name for _, name in lost}
+        # Whose own reception, or whose exchanges, have a sentence.
+        named = {*record.master_damaged}
+        named |= {name for each, name in lost if self._lost_key(each) == "master_not_received"}
+        named |= {plc for station, _ in record.failures.errors for plc in self._numbers.get(station, ())}
         most = {int(station): errors for station, errors in link["station_errors"].items()}
         for station, onsets in link.get("station_error_onsets", {}).items():
             most[int(station)] += onsets + _AHEAD
         failed = {station for station, _ in (*record.failures.errors, *record.failures.undecided)}
         failed |= {station for station, errors in most.items() if errors}
         for plc, registers in self._registers.items():
+            if plc in named:
+                continue
             devices: dict[str, int] = {}
             for station in range(8):
                 names = f"D{_COUNT + station}", f"D{_CODE + station}", f"M{_FLAG + station}"
@@ -250,17 +271,3 @@ class _Link:
                     }
             if devices:
                 yield "shown", {"bus": self._bus, "plc": plc, "devices": devices}
-
-
-def _lost_key(lost: Mapping[str, Any], duration: float, away: list[Span]) -> str:
-    """Which sentence a time without the master has; ``away`` are the master's times out of RUN."""
-    start, end = lost["from_s"], lost["from_s"] + lost["for_s"]
-    open_end = end >= duration - 1e-6
-    if not lost["stations"]:
-        return "master_stopped" if open_end else "master_paused"
-    second = TICKS_PER_SECOND
-    if not lost["scans_missed"] and not any(
-        span.start < end * second and (span.end is None or span.end > start * second) for span in away
-    ):
-        return "master_not_received"
-    return "master_still_lost" if open_end else "master_lost"

@@ -70,7 +70,7 @@ def _master(node: Mapping[str, Any]) -> Iterator[Finding]:
         which = "median" if times["p50"] is not None else "mean"
         shown = times["p50"] if times["p50"] is not None else times["mean"]
         values |= {"which": render(f"which_{which}"), "response_ms": shown, "max_ms": times["max"]}
-    if not own and node["ok"] + node["timeouts"] + mistaken:
+    if not own:
         yield "no_own_data", {"requests": requests}
     else:
         key = "own_data" if own == requests else "some_own_data"

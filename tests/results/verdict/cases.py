@@ -267,6 +267,14 @@ def noise_at_the_masters_driver(draw: random.Random) -> Case:
     return Case(line, "cause_master", {"master": "plc0"}, _NOT_HEARD)
 
 
+def noise_at_a_slaves_receiver(draw: random.Random) -> Case:
+    line = link(draw)
+    noise = {"bus": "link", "station": "plc1", "direction": "rx", "ber": 0.001, "at": "5 s"}
+    line["noise"] = [noise]
+    others = frozenset({"master_not_received", "undetected", "cause_no_reply", "cause_format"})
+    return Case(line, "master_damaged", {"master": "plc0"}, others)
+
+
 def noise_at_the_masters_receiver(draw: random.Random) -> Case:
     line = link(draw)
     line["noise"] = [{"bus": "link", "station": "plc0", "direction": "rx", "ber": 0.03, "at": "5 s"}]
@@ -290,7 +298,7 @@ def board_error(draw: random.Random) -> Case:
 def two_masters(draw: random.Random) -> Case:
     line = link(draw)
     line["plcs"].append({"name": "other", "scan": "7 ms", "nn": {**line["plcs"][0]["nn"]}})
-    others = frozenset({"master_not_received", "undetected", "shown"})
+    others = frozenset({"master_not_received", "undetected"})
     return Case(line, "two_masters", {"masters": ["plc0", "other"]}, others)
 
 
@@ -433,6 +441,13 @@ def wrong_address(draw: random.Random) -> Case:
     return Case(bus, "exceptions", {"node": "press.COM3"})
 
 
+def wrong_addresses_alone(draw: random.Random) -> Case:
+    bus = modbus(draw)
+    for poll in bus["plcs"][0]["polls"]:
+        poll["address"] = 0x1000
+    return Case(bus, "no_own_data", {"node": "press.COM3"}, frozenset({"exceptions"}))
+
+
 def _by_registers(plc: Data, **registers: int) -> None:
     """Set a PLC's link by raw registers, which may be bad."""
     del plc["nn"]
@@ -467,6 +482,7 @@ ONE_THING_WRONG: tuple[Callable[[random.Random], Case], ...] = (
     jabbering_master,
     noise_at_the_masters_driver,
     noise_at_the_masters_receiver,
+    noise_at_a_slaves_receiver,
     clock_of_a_slave,
     board_error,
     two_masters,
@@ -488,6 +504,7 @@ ONE_THING_WRONG: tuple[Callable[[random.Random], Case], ...] = (
     dead_modbus_master,
     modbus_master_dead_to_the_end,
     wrong_address,
+    wrong_addresses_alone,
 )
 
 
