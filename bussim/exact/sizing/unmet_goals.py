@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -12,14 +13,16 @@ import numpy as np
 
 from bussim.engines.nn.frames import data_chars
 from bussim.exact.link import TIMEOUT_UNIT, LinkModel, frame_ticks
+from bussim.exact.scan.outages import longest_scan
 from bussim.exact.sizing.evaluation import Checked, Mask, evaluate_goals, least, rows_of
 from bussim.exact.sizing.goals import Goals, Rate
 from bussim.exact.sizing.noise_levels import scaled_noise
 from bussim.exact.text import at_least, at_most
-from bussim.units import TICKS_PER_MS
+from bussim.plc.profiles import MAX_RETRIES
+from bussim.units import TICKS_PER_MS, UNIT_TICKS
 from bussim.wording import about
 
-#: How much less noise is tried, and how much further goals are set.
+#: How much less noise is tried, and how much further deadlines and presets are set first.
 _LESS = (2, 5, 10, 20, 50, 100, 1_000, 10_000)
 _UNITS = {"scan": TICKS_PER_MS, "heartbeat": 10 * TICKS_PER_MS}  # of deadlines and presets, in ticks
 _FURTHER = (1.1, 1.25, 1.5, 2, 3, 5, 10)
@@ -163,8 +166,7 @@ def _kinds(model: LinkModel, goals: Goals) -> Iterator[_Kind]:
     for name in goals.forms():
         if name == "ride" and not goals.ride:
             continue
-        factors = _FURTHER if name in ("scan", "heartbeat") else _FURTHER[-1:]
-        yield _Kind(name, tuple(partial(_further, name, factor) for factor in factors))
+        yield _Kind(name, tuple(partial(_with_goals, each) for each in relaxed(model, goals, name)))
 
 
 def _fewer(count: int, now: Changed) -> Changed:
@@ -179,8 +181,8 @@ def _quieter(less: int, now: Changed) -> Changed:
     return now._replace(model=scaled_noise(now.model, 1 / less), less=less)
 
 
-def _further(name: str, factor: float, now: Changed) -> Changed:
-    return now._replace(goals=relaxed(now.goals, name, factor))
+def _with_goals(change: Callable[[Goals], Goals], now: Changed) -> Changed:
+    return now._replace(goals=change(now.goals))
 
 
 def _smallest(model: LinkModel, goals: Goals, kinds: Sequence[_Kind]) -> Change | None:
@@ -200,8 +202,9 @@ def _smallest(model: LinkModel, goals: Goals, kinds: Sequence[_Kind]) -> Change 
     if not works(steps):
         return None
     for index, kind in enumerate(kinds):
-        tried = ([*steps[:index], step, *steps[index + 1 :]] for step in range(len(kind.steps)))
-        steps = next(at for at in tried if works(at))
+        tried = [[*steps[:index], step, *steps[index + 1 :]] for step in range(len(kind.steps))]
+        # A goal that is easier to meet is met by whatever met it before.
+        steps = tried[bisect_left(tried, True, key=works)] if kind.name else next(filter(works, tried))
     now = changed(steps)
     for kind in kinds:
         if kind.name:
@@ -218,24 +221,33 @@ def _no_further(model: LinkModel, goals: Goals, name: str, given: Goals) -> Goal
     """The goals with one of them as strict as the others allow, its figure rounded to the safe side."""
     if name in ("scan", "heartbeat"):
         return _no_longer(model, goals, name, given)
+    if name == "ride" and not goals.ride:
+        return goals
     checked = evaluate_goals(model, goals)
     index = rows_of(checked, model.reading)
-    found = best_value(
-        checked, index, name, checked.candidates([n for n in checked.names if n != name])[index]
-    )
-    if found is None:
+    others = checked.candidates([each for each in checked.names if each != name])[index]
+    found = best_value(checked, index, name, others)
+    chosen = least([(checked, index)])
+    if found is None or chosen is None:
         return goals
-    value = found[0]
+    strict = _limited(goals, name, found[0])
+    if _setting(model, strict):
+        return strict
+    # A heartbeat stands in its way: what the least setting has.
+    return _limited(goals, name, float(checked.values[name][index[chosen[0]], chosen[1]]))
+
+
+def _limited(goals: Goals, name: str, value: float) -> Goals:
+    """The goals with one of them limited to a figure, rounded to the safe side."""
     match name:
         case "ride":
-            strict = replace(goals, ride=int(value // TICKS_PER_MS) * TICKS_PER_MS)
+            return replace(goals, ride=int(value // TICKS_PER_MS) * TICKS_PER_MS)
         case "dead":
-            strict = replace(goals, dead=int(-(-value // TICKS_PER_MS)) * TICKS_PER_MS)
+            return replace(goals, dead=int(-(-value // TICKS_PER_MS)) * TICKS_PER_MS)
         case "errors":
-            strict = replace(goals, errors=_rounded(goals.errors, value))
+            return replace(goals, errors=_rounded(goals.errors, value))
         case _:
-            strict = replace(goals, onsets=_rounded(goals.onsets or 1.0, value))
-    return strict if _setting(model, strict) else goals
+            return replace(goals, onsets=_rounded(goals.onsets or 1.0, value))
 
 
 def _no_longer(model: LinkModel, goals: Goals, name: str, given: Goals) -> Goals:
@@ -246,7 +258,8 @@ def _no_longer(model: LinkModel, goals: Goals, name: str, given: Goals) -> Goals
     unit = _UNITS[name]
     high = _limit(goals, name) // unit
     # The step before did not do.
-    low = max(x for factor in (0, 1, *_FURTHER) if (x := round(_limit(given, name) * factor / unit)) < high)
+    low = max((x for ticks in _longer(model, given, name) if (x := ticks // unit) < high), default=0)
+    low = max(low, min(_limit(given, name) // unit, high - 1))
     while high - low > 1 and (name == "heartbeat" or model.noise.memoryless):
         middle = (low + high) // 2
         tried = _with_limit(goals, name, middle * unit)
@@ -255,6 +268,17 @@ def _no_longer(model: LinkModel, goals: Goals, name: str, given: Goals) -> Goals
         else:
             high, goals = middle, tried
     return goals
+
+
+def _longer(model: LinkModel, goals: Goals, name: str) -> list[int]:
+    """Deadlines or presets (ticks) beyond that of a goal, up to one that is longer than two scans can be."""
+    unit = _UNITS[name]
+    longest = 2 * longest_scan(model.with_setting(MAX_RETRIES + 1, model.timeout_range[1] * TIMEOUT_UNIT))
+    first = max(_limit(goals, name), unit)
+    found = [round(first * factor / unit) * unit for factor in _FURTHER]
+    while found[-1] < longest:
+        found.append(2 * found[-1])
+    return [ticks for ticks in dict.fromkeys(found) if ticks > _limit(goals, name)]
 
 
 def _limit(goals: Goals, name: str) -> int:
@@ -274,25 +298,28 @@ def _rounded(given: float, value: float) -> Rate:
     return Rate(at_most(value / float(Rate(1.0, unit)), 1), unit)
 
 
-def relaxed(goals: Goals, name: str, factor: float) -> Goals:
-    """The goals with one of them easier to meet by a factor."""
+def relaxed(model: LinkModel, goals: Goals, name: str) -> list[Callable[[Goals], Goals]]:
+    """What makes one goal easier to meet, the least first; the last step leaves hardly a limit."""
     match name:
         case "errors":
-            return replace(goals, errors=_times(goals.errors, factor))
+            return [lambda now: replace(now, errors=_no_rate(now.errors))]
         case "onsets":
-            return replace(goals, onsets=_times(goals.onsets or 1.0, factor))
+            return [lambda now: replace(now, onsets=_no_rate(now.onsets or 1.0))]
         case "dead":
-            return replace(goals, dead=round((goals.dead or 0) * factor))
+            return [lambda now: replace(now, dead=UNIT_TICKS["y"])]
         case "ride":
-            return replace(goals, ride=round(goals.ride / factor))
+            return [lambda now: replace(now, ride=1), lambda now: replace(now, ride=0)]
         case _:
-            unit = _UNITS[name]
-            return _with_limit(goals, name, round(_limit(goals, name) * factor / unit) * unit)
+            return [
+                partial(lambda ticks, now: _with_limit(now, name, ticks), ticks)
+                for ticks in _longer(model, goals, name)
+            ]
 
 
-def _times(rate: float, factor: float) -> Rate:
-    known = Rate.of(rate)
-    return Rate(known.count * factor, known.unit)
+def _no_rate(given: float) -> Rate:
+    """More a year than there are scans, in the unit of a rate."""
+    unit = Rate.of(given).unit
+    return Rate(1e12 / float(Rate(1.0, unit)), unit)
 
 
 def _setting(model: LinkModel, goals: Goals) -> str | None:

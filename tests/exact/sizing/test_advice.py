@@ -293,6 +293,9 @@ def advice_holds(model: LinkModel, texts: list[str]) -> None:
         assert not re.search(r"(\S+) instead of \1(?!\S)", suggested.text)
     if simple_change(model, goals):
         assert printed
+    for name, free in without_limit(goals).items():
+        if recommend(model, free) is not None:  # this goal alone stands in the way of the others
+            assert any(f.text.startswith(name) and " and " not in f.text for f in printed), name
 
 
 def printed_figures_are_safe(model: LinkModel, goals: Goals, unmet: Unmet) -> None:
@@ -326,6 +329,51 @@ def printed_figures_are_safe(model: LinkModel, goals: Goals, unmet: Unmet) -> No
             assert value - MS < figure <= value
         elif "link scans" not in text:  # more errors than a year's figure makes sense of
             assert value * (1 - 1e-9) <= figure <= value * 2.01 + MS * (name == "dead")
+
+
+def without_limit(goals: Goals) -> dict[str, Goals]:
+    """The goals with each one, by its name, so easy to meet that it hardly is one."""
+    long = 1_000_000 * MS
+    every = {"errors": replace(goals, errors=1e12), "ride": replace(goals, ride=0)}
+    if goals.onsets is not None:
+        every["onsets"] = replace(goals, onsets=1e12)
+    if goals.dead is not None:
+        every["dead"] = replace(goals, dead=long)
+    if goals.scan is not None:
+        every["scan"] = replace(goals, scan=(long, goals.scan[1]))
+    if goals.heartbeat is not None:
+        every["heartbeat"] = replace(goals, heartbeat=(long, goals.heartbeat[1]))
+    return every
+
+
+@pytest.mark.parametrize(
+    ("texts", "right"),
+    [
+        (["dead<=5ms", "ride>=0", "errors<=250/h"], "dead<="),
+        (["scan<=5ms@1e-06"], "scan<="),
+        (["heartbeat=20ms@10/y"], "heartbeat="),
+        (["errors<=1e-30/y", "dead<=300ms", "ride>=0"], "errors<="),
+        (["onsets<=1e-30/h", "dead<=300ms", "ride>=0"], "onsets<="),
+        (["ride>=2s", "dead<=250ms", "errors<=1000/d"], "ride>="),
+    ],
+)
+def test_a_goal_far_from_what_can_be_had_is_moved_to_what_can(texts: list[str], right: str) -> None:
+    model, goals = link(2), goals_of(texts)
+    found = [each for each in helpful_changes(model, goals) if each.text.startswith(right)]
+    assert len(found) == 1
+    assert " and " not in found[0].text
+    assert recommend(model, found[0].goals) is not None
+    moved = found[0].text.split(" instead of ")[0]
+    assert recommend(model, goals_of([moved, *(t for t in texts if not t.startswith(right[:4]))])) is not None
+    # A ms, a preset's step or a digit stricter does not do.
+    value = re.search(r"[\d.]+(e-?\d+)?", moved)
+    assert value is not None
+    step = {"dead<=": -1, "scan<=": -1, "heartbeat=": -10, "ride>=": 1}.get(right)
+    number = float(value[0])
+    stricter = number + step if step else number / 2.01
+    text = moved.replace(value[0], f"{stricter:.12g}", 1)
+    others = [t for t in texts if not t.startswith(right[:4])]
+    assert recommend(model, goals_of([text, *others])) is None
 
 
 def simple_change(model: LinkModel, goals: Goals) -> bool:
