@@ -155,10 +155,11 @@ class Figures:
                 mean = f"the mean link scan is {ms_cell(self.random.mean)} ms"
                 said.append(f"blocks of zeros are assumed; with random data {' and '.join([mean, *others])}")
         if self.model.alive and self.onsets_per_year is not None:
-            said.append(years_between(self.onsets_per_year))
+            said.append(years_between(self.onsets_per_year, noisy=self.model.noisy))
         never = [pair for pair, refresh in self.refresh.items() if refresh.mean is None]
         if never:
-            said.append(f"with the noise as entered practically no block arrives: {', '.join(never)}")
+            with_noise = "with the noise as entered " if self.model.noisy else ""
+            said.append(f"{with_noise}practically no block arrives: {', '.join(never)}")
         if any(each.mean is not None and None in each.quantiles.values() for each in self.refresh.values()):
             said.append(
                 "where a refresh gap has a dash it lasts so many link scans that it is not worked out: "

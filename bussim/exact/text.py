@@ -73,28 +73,33 @@ def ms_at_least(ticks: float) -> str:
     return f"{math.floor(ticks / TICKS_PER_MS):,} ms"
 
 
+def one_in(probability: float) -> str:
+    """The N of "1 in N", rounded down to two digits: it happens at least as seldom as is said."""
+    count = at_least(float(f"{1 / probability:.12g}"))
+    return f"{count:,.0f}" if 10 <= count < 1e15 else about(count)
+
+
 def scans_over(probability: float, ticks: float) -> str:
-    """How often a scan takes longer than a deadline."""
+    """How often a scan takes longer than a deadline, at most."""
     if probability <= 0:
         return f"no scan takes over {ms(ticks)} ms"
     if probability >= 0.5:
-        return f"{100 * probability:.0f} % of all scans take over {ms(ticks)} ms"
-    return f"1 scan in {about(1 / probability)} takes over {ms(ticks)} ms"
+        return f"{math.ceil(float(f'{100 * probability:.12g}'))} % of all scans take over {ms(ticks)} ms"
+    return f"1 scan in {one_in(probability)} takes over {ms(ticks)} ms"
 
 
-def years_between(per_year: float) -> str:
-    """How often a false station error begins."""
+def years_between(per_year: float, *, noisy: bool = True) -> str:
+    """How often a false station error begins, at most; ``noisy``: whether there is noise at all."""
     if per_year <= 0:
-        return "no false station error at all with the noise as entered"
+        noise = "with the noise as entered" if noisy else "without noise (none is entered)"
+        return f"no false station error at all {noise}"
     years = 1 / per_year
     if years > LONGEST_YEARS:
-        return (
-            f"one onset of a false station error in over {LONGEST_YEARS} years if the noise stays as entered"
-        )
-    if years >= 2:
-        return (
-            f"about one onset of a false station error in {about(years)} years if the noise stays as entered"
-        )
-    if per_year < 400:
-        return f"about {about(per_year)} onsets of false station errors a year if the noise stays as entered"
-    return f"about {about(per_year / 365)} onsets of false station errors a day if the noise stays as entered"
+        said = f"one onset of a false station error in over {LONGEST_YEARS} years"
+    elif years >= 2:
+        said = f"about one onset of a false station error in {one_in(per_year)} years"
+    elif per_year < 400:
+        said = f"about {about(at_most(per_year))} onsets of false station errors a year"
+    else:
+        said = f"about {about(at_most(per_year / 365))} onsets of false station errors a day"
+    return f"{said} if the noise stays as entered"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -150,7 +151,7 @@ def exact_figures(bus: str, distribution: ExactDistribution) -> Table:
             " to ".join(number(f["no_error_ms"][k], 3) for k in ("min", "max")),
         ),
         *(
-            (f"exceeded by 1 scan in {1 / float(key):,.0f} (ms)", number(x, 3))
+            (f"exceeded by 1 scan in {_one_in(float(key))} (ms)", number(x, 3))
             for key, x in f["quantiles_ms"].items()
         ),
         ("at worst (ms)", number(f["worst_case_ms"], 3)),
@@ -341,3 +342,8 @@ def _registers(source: Source, master: str, station: int) -> Iterator[Cell]:
         else:
             text = format(value, form) if form else "ON" if value else "off"
             yield Cell(text, pointer("plcs", master, "registers", name), name)
+
+
+def _one_in(probability: float) -> str:
+    """The N of "1 in N", rounded down, so that as many or more are said."""
+    return f"{math.floor(float(f'{1 / probability:.12g}')):,}"

@@ -7,11 +7,13 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bussim.exact.metrics import YEAR, Request, figures_of, over_mission, tail_curve
 from bussim.exact.refresh import gap_distribution
 from bussim.exact.solve import Solved
-from bussim.exact.text import ms, scans_over, years_between
+from bussim.exact.text import ms, one_in, scans_over, years_between
 from bussim.wording import about
 from tests.exact.links import MS, change, link, with_noise
 
@@ -116,19 +118,34 @@ def test_a_link_without_a_live_station() -> None:
     [
         (0.0, "no false station error at all with the noise as entered"),
         (1 / 620, "one onset of a false station error in over 100 years if the noise stays as entered"),
-        (1 / 62.3, "about one onset of a false station error in 62 years if the noise stays as entered"),
-        (1.94, "about 1.9 onsets of false station errors a year if the noise stays as entered"),
-        (365 * 1234.0, "about 1,200 onsets of false station errors a day if the noise stays as entered"),
+        (1 / 62.8, "about one onset of a false station error in 62 years if the noise stays as entered"),
+        (1.91, "about 2 onsets of false station errors a year if the noise stays as entered"),
+        (365 * 1234.0, "about 1,300 onsets of false station errors a day if the noise stays as entered"),
     ],
 )
 def test_errors_in_words(per_year: float, words: str) -> None:
     assert years_between(per_year) == words
 
 
+@given(st.floats(1e-14, 0.5))
+def test_one_in_says_at_least_as_many(probability: float) -> None:
+    said = float(one_in(probability).replace(",", ""))
+    assert said * probability <= 1 + 1e-9
+    assert said * probability >= 0.9
+
+
+def test_where_there_is_no_noise_none_was_entered() -> None:
+    assert any("without noise (none is entered)" in said for said in figures_of(link(2)).in_words())
+    assert not any("as entered" in said for said in figures_of(link(2)).in_words())
+    assert any("as entered" in said for said in figures_of(link(2, ber=1e-5)).in_words())
+
+
 def test_scans_in_words() -> None:
-    assert scans_over(1 / 3_111, 200 * MS) == "1 scan in 3,100 takes over 200 ms"
+    assert scans_over(1 / 3_199, 200 * MS) == "1 scan in 3,100 takes over 200 ms"
+    assert scans_over(1 / 40.5, 96 * MS) == "1 scan in 40 takes over 96 ms"
+    assert [one_in(10.0**-k) for k in (1, 3, 9)] == ["10", "1,000", "1,000,000,000"]
     assert scans_over(0.0, 72_000 * 50.5) == "no scan takes over 50.5 ms"
-    assert scans_over(0.731, 50 * MS) == "73 % of all scans take over 50 ms"
+    assert scans_over(0.731, 50 * MS) == "74 % of all scans take over 50 ms"
     assert (about(0), about(0.1234), about(12.34), about(1.5e-7), about(3.2e12)) == (
         "0",
         "0.12",

@@ -11,7 +11,7 @@ import click
 from bussim.commands.common.output import print_json, show_carried
 from bussim.commands.common.scenario_options import code_option, set_option, time_of
 from bussim.errors import UsageError
-from bussim.exact.text import ALMOST_CERTAIN, NOT_COVERED, ms, ms_cell
+from bussim.exact.text import ALMOST_CERTAIN, NOT_COVERED, ms, ms_cell, one_in
 from bussim.units import TICKS_PER_SECOND
 
 if TYPE_CHECKING:
@@ -215,7 +215,7 @@ def _show(console: Console, bus: str, figures: Figures, request: RequestType) ->
         ("  at worst", f"{ms_cell(figures.worst_case)} ms (every attempt of every station spent)"),
     ]
     rows += [
-        (f"  exceeded by 1 scan in {about(1 / request.levels[key])}", f"{ms_cell(x)} ms")
+        (f"  exceeded by 1 scan in {one_in(request.levels[key])}", f"{ms_cell(x)} ms")
         for key, x in figures.quantiles.items()
     ]
     middle, high = figures.maximum.values()

@@ -204,7 +204,7 @@ def _smallest(model: LinkModel, goals: Goals, kinds: Sequence[_Kind]) -> Change 
     for index, kind in enumerate(kinds):
         tried = [[*steps[:index], step, *steps[index + 1 :]] for step in range(len(kind.steps))]
         # A goal that is easier to meet is met by whatever met it before.
-        steps = tried[bisect_left(tried, True, key=works)] if kind.name else next(filter(works, tried))
+        steps = tried[bisect_left(tried, x=True, key=works)] if kind.name else next(filter(works, tried))
     now = changed(steps)
     for kind in kinds:
         if kind.name:
