@@ -147,7 +147,7 @@ def _watched(scenario: Scenario, devices: str) -> list[Watched]:
                 f"--devices has {shorten(text)}, but {plc} is no PLC; {suggest(plc, list(known))}"
             )
         try:
-            device = parse_device(name[:100], observed=True, fx3=known[plc].profile.fx3)
+            device = parse_device(name[:100], observed=True, family=known[plc].profile.family)
         except ValueError as error:
             raise UsageError(f"--devices: the device of {plc} {error}") from None
         each = Watched(plc, str(device), device.width, known[plc].comment(str(device)))

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 
 from bussim.forms.mistakes import Path, Reporter
-from bussim.plc.memory import Device, parse_device
+from bussim.plc.memory import Device, Family, parse_device
 
 #: What the link writes: mirrors of its settings, times, counts and codes, and flags.
 _STATUS = (("D", 8173, 8175), ("D", 8201, 8218), ("M", 8183, 8191))
 
 
 def check_registers(
-    path: Path, registers: Mapping[str, int], report: Reporter, *, link: bool, fx3: bool = False
+    path: Path, registers: Mapping[str, int], report: Reporter, *, link: bool, family: Family = Family.FX2N
 ) -> None:
-    """Check devices and values; ``link``: of a PLC that can take part in N:N; ``fx3``: of an FX3U."""
-    for name, device in named_devices(path, registers, report, fx3=fx3):
+    """Check devices and values; ``link``: of a PLC that can take part in N:N; ``family``: whose they are."""
+    for name, device in named_devices(path, registers, report, family=family):
         value = registers[name]
         if not device.is_word and value not in (0, 1):
             report.error((*path, name), f"is {value}, allowed 0, 1")
@@ -26,17 +26,22 @@ def check_registers(
 
 
 def named_devices(
-    path: Path, names: Iterable[str], report: Reporter, *, fx3: bool = False, observed: bool = False
+    path: Path,
+    names: Iterable[str],
+    report: Reporter,
+    *,
+    family: Family = Family.FX2N,
+    observed: bool = False,
 ) -> Iterator[tuple[str, Device]]:
     """The keys of the mapping at ``path`` with the devices that they name.
 
-    Those that name none (``fx3``: of an FX3U; ``observed``: that can be observed) are reported, and those
-    that name one that another names.
+    Those that name none (``family``: whose they are; ``observed``: that can be observed) are reported,
+    and those that name one that another names.
     """
     seen: dict[Device, str] = {}
     for name in names:
         try:
-            device = parse_device(name, observed=observed, fx3=fx3)
+            device = parse_device(name, observed=observed, family=family)
         except ValueError as error:
             report.mistake((*path, name), f"a device of {path[-1]} {error}", key=True)
             continue

@@ -11,7 +11,17 @@ import sys
 from array import array
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import NamedTuple
+
+
+class Family(StrEnum):
+    """Whose devices a PLC has; a PW10 those of an FX2N."""
+
+    FX1S = "FX1S"
+    FX2N = "FX2N"
+    FX3U = "FX3U"
+
 
 #: Bit devices and their address ranges (both ends included). T and C are the contacts.
 BIT_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
@@ -33,6 +43,21 @@ WORD_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
     "V": ((0, INDEX_REGISTERS - 1),),
     "Z": ((0, INDEX_REGISTERS - 1),),
 }
+#: Labels P0–P127, of which P63 means END, and levels of MC (FX programming manual).
+PLACES: dict[str, tuple[tuple[int, int], ...]] = {"P": ((0, 127),), "N": ((0, 7),)}
+#: What an FX1S has instead, labels among it (FX programming manual, JY992D88101, chapter 4).
+FX1S_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
+    "X": ((0, 0o17),),
+    "Y": ((0, 0o15),),
+    "M": ((0, 511), (8000, 8255)),
+    "S": ((0, 127),),
+    "T": ((0, 63),),
+    "TN": ((0, 63),),
+    "C": ((0, 31), (235, 255)),
+    "CN": ((0, 31), (235, 255)),
+    "D": ((0, 255), (8000, 8255)),
+    "P": ((0, 63),),
+}
 #: What an FX3U has more, labels among it (FX3 programming manual, JY997D16601, chapter 4).
 FX3_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
     "M": ((0, 7679), (8000, 8511)),
@@ -43,6 +68,7 @@ FX3_RANGES: dict[str, tuple[tuple[int, int], ...]] = {
     "R": ((0, 32767),),
     "P": ((0, 4095),),
 }
+_OWN_RANGES = {Family.FX1S: FX1S_RANGES, Family.FX2N: {}, Family.FX3U: FX3_RANGES}
 #: M8000 and D8000 on are special devices.
 FIRST_SPECIAL = 8000
 #: Words that can be observed and that nothing but a program sets: current values, index registers.
@@ -86,15 +112,21 @@ class Device(NamedTuple):
         return 32 if self.letter == "CN" and self.address >= FIRST_LONG_COUNTER else 16
 
 
-def _ranges_of(letter: str, *, fx3: bool) -> tuple[tuple[int, int], ...]:
-    more = FX3_RANGES.get(letter) if fx3 else None
-    return more or BIT_RANGES.get(letter) or OBSERVED_RANGES.get(letter) or WORD_RANGES.get(letter, ())
+def own_ranges(letter: str, family: Family) -> tuple[tuple[int, int], ...] | None:
+    """The ranges of a letter that a family has in place of the FX2N's; None where it has the same."""
+    return _OWN_RANGES[family].get(letter)
 
 
-def parse_device(name: str, *, observed: bool = False, fx3: bool = True) -> Device:
+def _ranges_of(letter: str, family: Family) -> tuple[tuple[int, int], ...]:
+    if (own := own_ranges(letter, family)) is not None:
+        return own
+    return next((of[letter] for of in (BIT_RANGES, OBSERVED_RANGES, WORD_RANGES, PLACES) if letter in of), ())
+
+
+def parse_device(name: str, *, observed: bool = False, family: Family = Family.FX3U) -> Device:
     """The device of a name such as ``D8201``, ``M1064`` or ``X17`` (octal), in capitals or not.
 
-    ``observed``: also TN, CN, V and Z. ``fx3``: also those that only an FX3U has. Raises ValueError with a
+    ``observed``: also TN, CN, V and Z. ``family``: whose devices they are. Raises ValueError with a
     message for the user.
     """
     letters = " ".join((*_LETTERS, *OBSERVED_RANGES)) if observed else " ".join(_LETTERS)
@@ -113,13 +145,27 @@ def parse_device(name: str, *, observed: bool = False, fx3: bool = True) -> Devi
             f"point {int(digits)} of {letter} is {point}"
         )
     device = Device(letter, int(digits, 8 if letter in _OCTAL else 10))
-    if not _lies_in(device, _ranges_of(letter, fx3=fx3)):
-        ranges = _ranges_of(letter, fx3=fx3)
-        allowed = ", ".join(f"{Device(letter, first)}–{Device(letter, last)}" for first, last in ranges)
-        also = "that only an FX3U has" + (f"; allowed {allowed}" if allowed else "")
-        only = _lies_in(device, _ranges_of(letter, fx3=True))
-        raise ValueError(f"is {name!r}, {also if only else f'allowed {allowed}'}")
+    ranges = _ranges_of(letter, family)
+    if not _lies_in(device, ranges):
+        allowed = range_names(letter, ranges)
+        lacks = lacking(device, family)
+        if not lacks:
+            raise ValueError(f"is {name!r}, allowed {allowed}")
+        raise ValueError(f"is {name!r}, that {lacks}" + (f"; allowed {allowed}" if allowed else ""))
     return device
+
+
+def range_names(letter: str, ranges: Iterable[tuple[int, int]]) -> str:
+    """Ranges of a letter as a message shows them."""
+    return ", ".join(f"{Device(letter, first)}–{Device(letter, last)}" for first, last in ranges)
+
+
+def lacking(device: Device, family: Family) -> str:
+    """Why a family lacks a device that others have: ``only an FX3U has``; empty where none has it."""
+    letter = device.letter
+    if family is Family.FX1S and _lies_in(device, _ranges_of(letter, Family.FX2N)):
+        return "an FX1S lacks"
+    return "only an FX3U has" if _lies_in(device, own_ranges(letter, Family.FX3U) or ()) else ""
 
 
 def _lies_in(device: Device, ranges: tuple[tuple[int, int], ...]) -> bool:
@@ -170,6 +216,16 @@ def parse_range(text: str) -> DeviceRange:
     if found is None or not int(found[2]) <= int(found[3]) < last:
         raise ValueError(f"is {text!r}, expected a range such as M500-M3071 of M S T C D R, without specials")
     return DeviceRange(found[1], int(found[2]), int(found[3]))
+
+
+def latched_problem(kept: DeviceRange, family: Family) -> str | None:
+    """Why a family cannot keep a range of devices: it does not have them all; None where it can."""
+    letter, first, last = kept
+    ranges = [pair for pair in _ranges_of(letter, family) if pair[0] < FIRST_SPECIAL]
+    if any(low <= first and last <= high for low, high in ranges):
+        return None
+    ranges = [(low, min(high, FIRST_SPECIAL - 1)) if letter in "MD" else (low, high) for low, high in ranges]
+    return f"is {kept}, allowed " + (range_names(letter, ranges) or f"no {letter}: only an FX3U has it")
 
 
 @dataclass(frozen=True, slots=True)

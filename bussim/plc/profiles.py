@@ -16,7 +16,7 @@ from typing import Annotated, NamedTuple, assert_never
 
 from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION
 from bussim.engines.modbus.gaps import STANDARD_GAPS, GapRule
-from bussim.plc.memory import DeviceRange, device_ranges
+from bussim.plc.memory import DeviceRange, Family, device_ranges
 from bussim.plc.program.instruction_times import DEFAULT_TIMES, InstructionTimes
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
@@ -244,9 +244,9 @@ class Profile:
     instruction_times: Annotated[InstructionTimes, Composed] = DEFAULT_TIMES
 
     @property
-    def fx3(self) -> bool:
-        """Whether it has the devices of an FX3U."""
-        return self.name == "fx3u"
+    def family(self) -> Family:
+        """Whose devices it has."""
+        return {"fx1s": Family.FX1S, "fx3u": Family.FX3U}.get(self.name, Family.FX2N)
 
 
 _PW10 = Profile("pw10")

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bussim.plc.memory import BlockRange, Device, Memory, block_range, parse_device
+from bussim.plc.memory import BlockRange, Device, Family, Memory, block_range, parse_device
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def test_names(name: str, device: Device) -> None:
 )
 def test_bad_names_say_what_is_allowed(name: str, says: str) -> None:
     with pytest.raises(ValueError, match="is ") as caught:
-        parse_device(name, fx3=False)
+        parse_device(name, family=Family.FX2N)
     assert says in str(caught.value)
 
 
@@ -85,7 +85,7 @@ def test_what_can_be_observed(name: str, device: Device, width: int) -> None:
 )
 def test_what_cannot_be_observed(name: str, says: str) -> None:
     with pytest.raises(ValueError, match="is ") as caught:
-        parse_device(name, observed=True, fx3=False)
+        parse_device(name, observed=True, family=Family.FX2N)
     assert says in str(caught.value)
 
 
@@ -95,7 +95,7 @@ def test_what_only_an_fx3u_has(last: str) -> None:
     device = parse_device(last, observed=True)
     assert str(device) == last
     with pytest.raises(ValueError, match="that only an FX3U has"):
-        parse_device(last, observed=True, fx3=False)
+        parse_device(last, observed=True, family=Family.FX2N)
     with pytest.raises(ValueError, match=f"allowed .*{last}"):
         parse_device(str(device._replace(address=device.address + 1)), observed=True)
 

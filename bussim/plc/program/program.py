@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 from bussim.errors import Problem, ProgramError
-from bussim.plc.memory import Device
+from bussim.plc.memory import Device, Family
 from bussim.plc.program.machine import BACKWARDS
 from bussim.plc.program.text.catalog import Instruction
 from bussim.plc.program.text.flow import BasicBlock, FlowCheck, cut
@@ -25,7 +25,7 @@ class Program:
     """A program that can run. Two are equal if their text and name are.
 
     ``kind`` is what its file was taken for, "" where it has none. ``skips``: instructions that are not
-    simulated are left out. ``fx3``: the PLC has an FX3U's devices.
+    simulated are left out. ``family``: whose devices the PLC has.
     """
 
     text: str = field(repr=False)
@@ -35,17 +35,19 @@ class Program:
     warnings: tuple[Problem, ...] = field(repr=False, compare=False)
     kind: str = field(default="", compare=False)
     skips: bool = False
-    fx3: bool = False
+    family: Family = Family.FX2N
 
     @classmethod
-    def parse(cls, text: str, source_name: str, *, skips: bool = False, fx3: bool = False) -> Program:
+    def parse(
+        cls, text: str, source_name: str, *, skips: bool = False, family: Family = Family.FX2N
+    ) -> Program:
         """Read a program. ``source_name`` stands in messages: the file as the user named it.
 
         With ``skips`` instructions that are known and not simulated become warnings.
 
         Raises ProgramError with every mistake.
         """
-        source = Source(text, source_name, skip=skips, fx3=fx3)
+        source = Source(text, source_name, skip=skips, family=family)
         ladder = Ladder(source.instructions, source.gaps, source_name)
         problems = source.problems + ladder.problems
         # A text that was not read to its end seems to lack its END and its labels.
@@ -56,11 +58,11 @@ class Program:
         instructions = source.instructions
         warnings = (*source.skipped, *_warnings(instructions, source_name))
         blocks = tuple(cut(ladder.items, instructions))
-        return cls(text, source_name, tuple(instructions), blocks, warnings, skips=skips, fx3=fx3)
+        return cls(text, source_name, tuple(instructions), blocks, warnings, skips=skips, family=family)
 
     def __reduce__(self) -> tuple[object, tuple[str, str]]:
         # Another process reads the text again: faster than sending what was made of it.
-        return partial(Program.parse, skips=self.skips, fx3=self.fx3), (self.text, self.name)
+        return partial(Program.parse, skips=self.skips, family=self.family), (self.text, self.name)
 
     @property
     def steps(self) -> int:

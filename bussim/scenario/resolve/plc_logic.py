@@ -11,7 +11,7 @@ from bussim.errors import Problem, ProgramError
 from bussim.forms.registers import named_devices
 from bussim.plc.first_scan import FirstScan, first_scan
 from bussim.plc.inputs import InputSpec, Pulse, RandomInput, Square, Times
-from bussim.plc.memory import Device, parse_device
+from bussim.plc.memory import Device, Family, parse_device
 from bussim.plc.profiles import Profile
 from bussim.plc.system_devices import CLOCK, clock_of
 from bussim.scenario.schema.document import PlcIn
@@ -92,12 +92,12 @@ def read_logic(
 
     ``registers`` are what the PLC has at power-on without its program.
     """
-    inputs = _inputs((*path, "inputs"), plc.inputs, files, report)
-    comments = _comments((*path, "comments"), plc.comments, files, report, fx3=profile.fx3)
+    inputs = _inputs((*path, "inputs"), plc.inputs, files, report, family=profile.family)
+    comments = _comments((*path, "comments"), plc.comments, files, report, family=profile.family)
     if plc.program is None:
         return PlcLogic(inputs=inputs, comments=comments)
     program, origin = _program(
-        (*path, "program"), plc, plc.program, files, report, {"skips": skips, "fx3": profile.fx3}
+        (*path, "program"), plc, plc.program, files, report, skips=skips, family=profile.family
     )
     if program is None:
         return PlcLogic(origin=origin, inputs=inputs, comments=comments)
@@ -115,11 +115,11 @@ def read_logic(
 
 
 def _comments(
-    path: Path, given: Mapping[str, str], files: Files, report: Report, *, fx3: bool
+    path: Path, given: Mapping[str, str], files: Files, report: Report, *, family: Family
 ) -> dict[str, str]:
     """The names of devices, those of the scenario before those of a file."""
     names = {key: text for key, text in given.items() if key != "file"}
-    devices = named_devices(path, names, report, fx3=fx3, observed=True)
+    devices = named_devices(path, names, report, family=family, observed=True)
     own = {str(device): names[name] for name, device in devices}
     if "file" not in given:
         return own
@@ -127,7 +127,7 @@ def _comments(
 
     name = given["file"]
     try:
-        found = listing(files.read(name, MAX_EXPORT, coded=True), fx3=fx3)
+        found = listing(files.read(name, MAX_EXPORT, coded=True), family=family)
     except ValueError as error:
         report.error(_inner(path, "file", report), str(error))
         return own
@@ -143,7 +143,14 @@ def _comments(
 
 
 def _program(
-    path: Path, plc: PlcIn, given: ProgramIn, files: Files, report: Report, reading: dict[str, bool]
+    path: Path,
+    plc: PlcIn,
+    given: ProgramIn,
+    files: Files,
+    report: Report,
+    *,
+    skips: bool,
+    family: Family,
 ) -> tuple[Program | None, Origin | None]:
     kind = ""
     if given.file is not None:
@@ -165,7 +172,8 @@ def _program(
 
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     try:
-        program = Program.parse(text if text.endswith("\n") else text + "\n", plc.name, **reading)
+        text = text if text.endswith("\n") else text + "\n"
+        program = Program.parse(text, plc.name, skips=skips, family=family)
     except ProgramError as error:
         for problem in error.problems:
             report.add(origin.problem(report, problem), fatal=True)
@@ -205,9 +213,11 @@ def _inner(path: Path, key: str, report: Report) -> Path:
 # -- inputs --------------------------------------------------------------------------------------------
 
 
-def _inputs(path: Path, given: Mapping[str, InputIn], files: Files, report: Report) -> dict[str, InputSpec]:
+def _inputs(
+    path: Path, given: Mapping[str, InputIn], files: Files, report: Report, *, family: Family
+) -> dict[str, InputSpec]:
     found: dict[str, InputSpec] = {}
-    for name, device in named_devices(path, given, report):
+    for name, device in named_devices(path, given, report, family=family):
         if device.letter != "X":
             report.error(
                 (*path, name), f"is no input: {device.letter} cannot be driven here, only X", key=True

@@ -25,7 +25,7 @@ def check_observed(resolved: Resolved, report: Report) -> None:
 def _check_device(path: Path, point: PlcPoint, member: Member | None, report: Report) -> None:
     if member is not None:
         try:
-            parse_device(str(point.device), observed=True, fx3=member.profile.fx3)
+            parse_device(str(point.device), observed=True, family=member.profile.family)
         except ValueError as error:
             report.error(path, f"is {point}, whose device {error}")
 

@@ -22,8 +22,8 @@ def check_plcs(resolved: Resolved, report: Report) -> None:
     entries = {entry.path: entry for entry in resolved.draft.plcs}
     for member in resolved.members:
         entry = entries[member.path]
-        path, fx3 = (*member.path, "registers"), member.profile.fx3
-        check_registers(path, member.plc.registers, report, link=True, fx3=fx3)
+        path, family = (*member.path, "registers"), member.profile.family
+        check_registers(path, member.plc.registers, report, link=True, family=family)
         try:
             clock_of([member.raw.get(f"D{address}", 0) & 0xFFFF for address in CLOCK[:-1]])
         except ValueError as error:
@@ -51,7 +51,7 @@ def _report_unknown_bus(member: Member, resolved: Resolved, report: Report) -> N
 
 def _check_source_devices(member: Member, report: Report) -> None:
     path = (*member.path, "sources")
-    for name, device in named_devices(path, member.plc.sources, report, fx3=member.profile.fx3):
+    for name, device in named_devices(path, member.plc.sources, report, family=member.profile.family):
         if device.letter not in "MD":
             report.error((*path, name), "cannot be driven: a station shares M and D devices only", key=True)
         elif device.address >= FIRST_SPECIAL:

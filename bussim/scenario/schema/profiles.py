@@ -28,7 +28,7 @@ from bussim.forms.fields import (
 )
 from bussim.forms.form import Model
 from bussim.forms.rtu_gaps import RtuGapsIn
-from bussim.plc.memory import DeviceRange
+from bussim.plc.memory import DeviceRange, latched_problem
 from bussim.plc.profiles import PROFILES, Number, Profile, Ticks, Turnaround
 from bussim.plc.program.instruction_times import InstructionTimes
 from bussim.units import TICKS_PER_SECOND
@@ -161,6 +161,13 @@ class ProfileIn(_Fields):  # type: ignore[misc] # made above
     def _measured_are_given(self) -> ProfileIn:
         for name in sorted({*(self.measured or ())} - {*self.given("base", "measured")}):
             raise fail(f"names {show(name)}, a field that this profile does not give", "measured")
+        return self
+
+    @model_validator(mode="after")
+    def _has_what_it_keeps(self) -> ProfileIn:
+        for kept in self.latched or ():
+            if problem := latched_problem(kept, PROFILES[self.base].family):
+                raise fail(problem, "latched")
         return self
 
     @model_validator(mode="after")

@@ -6,7 +6,7 @@ import pytest
 
 import bussim
 from bussim.errors import ProgramError, ScenarioError
-from bussim.plc.memory import Device, Memory, parse_device
+from bussim.plc.memory import Device, Family, Memory, parse_device
 from bussim.plc.program.execution import ProgramRun
 from bussim.plc.program.program import Program
 from bussim.scenario.loader import loads
@@ -16,7 +16,7 @@ from tests.plc.program.rigs import problems
 
 def run(text: str, scans: int = 1) -> Memory:
     memory = Memory()
-    program = ProgramRun(Program.parse(text + "\nEND", "p", fx3=True), memory)
+    program = ProgramRun(Program.parse(text + "\nEND", "p", family=Family.FX3U), memory)
     program.run(0)
     for scan in range(scans):
         program.scan(scan * 10 * TICKS_PER_MS)
@@ -36,9 +36,9 @@ def test_the_last_bit_of_each_range_is_there_and_none_beyond(last: str, beyond: 
         else memory.get(Device(last[0], int(last[1:])))
     )
     assert value & 1
-    for text, fx3 in ((beyond, True), (last, False)):
+    for text, family in ((beyond, Family.FX3U), (last, Family.FX2N)):
         with pytest.raises(ProgramError, match=text.replace(".", r"\.")):
-            Program.parse(f"LD M8000\nSET {text}\nEND", "p", fx3=fx3)
+            Program.parse(f"LD M8000\nSET {text}\nEND", "p", family=family)
 
 
 def test_registers_r_are_words_like_d() -> None:
@@ -66,19 +66,19 @@ def test_a_contact_with_an_index_fails_beyond_its_range() -> None:
     assert memory.word("D", 8067) == 6706
     assert "cannot have an index register" in str(problems("LD M0Z0\nOUT Y0\nEND"))
     with pytest.raises(ProgramError, match="cannot have an index register"):
-        Program.parse("LD S0Z0\nOUT Y0\nEND", "p", fx3=True)
+        Program.parse("LD S0Z0\nOUT Y0\nEND", "p", family=Family.FX3U)
 
 
 def test_program_steps() -> None:
     lines = ["LD D0.3", "ANI M0Z1", "OUT D1.F", "LDP M0", "SET D1.0", "MOV K1 R0", "OUT T300 K5", "END"]
-    program = Program.parse("\n".join(lines), "p", fx3=True)
+    program = Program.parse("\n".join(lines), "p", family=Family.FX3U)
     assert [at.step for at in program.instructions] == [0, 3, 6, 9, 11, 14, 19, 22]
 
 
 def test_timers_from_t256_on_have_units_of_1_ms_and_keep_nothing() -> None:
     text = "LD X0\nOUT T511 K15\nOUT T250 K100\nLD T511\nOUT Y0"
     memory = Memory()
-    program = ProgramRun(Program.parse(text + "\nEND", "p", fx3=True), memory)
+    program = ProgramRun(Program.parse(text + "\nEND", "p", family=Family.FX3U), memory)
     program.run(0)
     seen = []
     for scan, on in enumerate((1, 1, 1, 0)):
@@ -146,7 +146,7 @@ def test_a_coil_with_an_index() -> None:
     assert run("LD M8000\nMOV K1 Z0\nSET M7679Z0").get(parse_device("M8067")) == 1
     for text in ("SET S0Z0", "SET M8200Z0", "RST D0Z0", "SET D0.1Z0"):
         with pytest.raises(ProgramError):
-            Program.parse(f"LD X0\n{text}\nEND", "p", fx3=True)
+            Program.parse(f"LD X0\n{text}\nEND", "p", family=Family.FX3U)
     assert "cannot have an index register" in str(problems("LD X0\nSET M0Z0\nEND"))
     # Two coils with an index are no two coils of one device.
-    assert not Program.parse("LD X0\nOUT M0Z0\nLD X1\nOUT M0Z1\nEND", "p", fx3=True).warnings
+    assert not Program.parse("LD X0\nOUT M0Z0\nLD X1\nOUT M0Z1\nEND", "p", family=Family.FX3U).warnings

@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pytest
 
-from bussim.plc.memory import Memory
+from bussim.plc.memory import Family, Memory
 from bussim.plc.program.execution import ProgramRun
 from bussim.plc.program.program import Program
 from bussim.plc.program.text.catalog import FORMS
@@ -45,7 +45,7 @@ def expected(reference: Reference) -> dict[tuple[str, int], int]:
 def compare(seed: int, *, fx3: bool = False) -> None:
     text = Writer(seed, fx3=fx3).program()
     memory, reference = Memory(), Reference(text, fx3=fx3)
-    run = ProgramRun(Program.parse(text, "random", fx3=fx3), memory)
+    run = ProgramRun(Program.parse(text, "random", family=Family.FX3U if fx3 else Family.FX2N), memory)
     run.run(0)
     rng = random.Random(seed)
     now = 0

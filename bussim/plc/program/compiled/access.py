@@ -41,7 +41,7 @@ def finder(machine: Machine, operand: Operand, *, word: bool) -> Callable[[int],
     to M8000, nor from a 16-bit counter to a 32-bit one.
     """
     base, offset = operand.address, _offset(machine, operand)
-    bounds = range_of(operand.letter, base, word=word, fx3=operand.fx3)
+    bounds = range_of(operand.letter, base, word=word, family=operand.family)
     if bounds is None:
         raise ValueError(f"there is no {operand.text}")  # a program that was read has none such
     first, end = bounds

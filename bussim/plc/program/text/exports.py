@@ -12,7 +12,7 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-from bussim.plc.memory import parse_device
+from bussim.plc.memory import Family, parse_device
 from bussim.plc.program.text.catalog import FORMS
 
 #: How the headings of columns are written, in small letters and without blanks.
@@ -53,10 +53,10 @@ class Listing(NamedTuple):
     comments: dict[str, str] | None = None
 
 
-def listing(text: str, *, fx3: bool = True) -> Listing:
+def listing(text: str, *, family: Family = Family.FX3U) -> Listing:
     """What a file's text is: an export of a program, of device comments, or an instruction list.
 
-    ``fx3``: comments of devices that only an FX3U has are taken, too.
+    ``family``: whose devices' comments are taken.
     """
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     delimiter = _delimiter(lines)
@@ -67,7 +67,7 @@ def listing(text: str, *, fx3: bool = True) -> Listing:
     named = any(cell.text.upper() in FORMS for row in filled for cell in row)
     if "comment" in where or (not named and _are_comments(filled)):
         return Listing(
-            f"device comments ({words})", comments=_comments(rows[head:], where.get("comment"), fx3=fx3)
+            f"device comments ({words})", comments=_comments(rows[head:], where.get("comment"), family=family)
         )
     wide = sum(len(row) > 4 or line.startswith('"') for row, line in zip(rows, lines, strict=True) if row)
     if "instruction" not in where and (2 * wide < len(filled) or not named):
@@ -121,14 +121,14 @@ def _are_comments(filled: list[list[_Cell]]) -> bool:
     return 0 < len(filled) <= 2 * devices
 
 
-def _comments(rows: list[list[_Cell]], at: int | None, *, fx3: bool) -> dict[str, str]:
+def _comments(rows: list[list[_Cell]], at: int | None, *, family: Family) -> dict[str, str]:
     """By the device's plain name; where no heading names the column, the last that has a text."""
     found = {}
     for row in rows:
         texts = [cell.text for cell in row]
         comment = texts[at] if at is not None and at < len(texts) else next(filter(None, texts[:0:-1]), "")
         try:
-            found[str(parse_device(texts[0].upper(), observed=True, fx3=fx3))] = comment
+            found[str(parse_device(texts[0].upper(), observed=True, family=family))] = comment
         except ValueError:
             continue  # a heading, or a device that the PLC lacks
     printable = {name: "".join(filter(str.isprintable, text))[:200].strip() for name, text in found.items()}

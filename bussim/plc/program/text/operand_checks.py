@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from bussim.plc.memory import FIRST_LONG_COUNTER, FIRST_SPECIAL, Device
+from bussim.plc.memory import FIRST_LONG_COUNTER, FIRST_SPECIAL, Device, Family
 from bussim.plc.program.text.catalog import CONTACTS, Form, Instruction, LadderRole, Slot
 from bussim.plc.program.text.operands import Operand, range_of, range_text
 from bussim.wording import counted
@@ -77,9 +77,19 @@ def _kind_problem(name: str, slot: Slot, operand: Operand) -> str | None:
         return f"{name}: the {slot.name} cannot be {text}, allowed {allowed}"
     if operand.letter == "R" and slot.takes == ("D",):
         return f"{name}: the {slot.name} cannot be {text}, allowed D"
-    contact = slot.takes is CONTACTS and operand.fx3 and kind in "XYMTC" and operand.address < FIRST_SPECIAL
+    contact = (
+        slot.takes is CONTACTS
+        and operand.family is Family.FX3U
+        and kind in "XYMTC"
+        and operand.address < FIRST_SPECIAL
+    )
     # FX3 programming manual, 7.13.
-    coil = name in INDEXED_COILS and operand.fx3 and kind in "YM" and operand.address < FIRST_SPECIAL
+    coil = (
+        name in INDEXED_COILS
+        and operand.family is Family.FX3U
+        and kind in "YM"
+        and operand.address < FIRST_SPECIAL
+    )
     if operand.index is not None and not (slot.index or contact or coil):
         return f"{name}: the {slot.name} cannot have an index register, found {text}"
     return None
@@ -173,10 +183,12 @@ def _extent(
 
 def _extent_problem(name: str, operand: Operand, extent: Extent) -> str | None:
     letter = extent.letter
-    bounds = range_of(letter, extent.first, word=extent.word, fx3=operand.fx3)
+    bounds = range_of(letter, extent.first, word=extent.word, family=operand.family)
     if bounds is not None and extent.last > bounds[1]:
         last = Device(letter, bounds[1])
-        return f"{name}: {operand.text} reaches past {last}, allowed {range_text(letter, fx3=operand.fx3)}"
+        return (
+            f"{name}: {operand.text} reaches past {last}, allowed {range_text(letter, family=operand.family)}"
+        )
     if extent.writes and letter == "M" and operand.index is None:
         for number in range(extent.first, extent.last + 1):
             if number in READ_ONLY_BITS:

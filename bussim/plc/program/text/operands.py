@@ -10,13 +10,21 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from bussim.plc.memory import BIT_RANGES, FX3_RANGES, INDEX_REGISTERS, WORD_RANGES, Device
+from bussim.plc.memory import (
+    BIT_RANGES,
+    INDEX_REGISTERS,
+    PLACES,
+    WORD_RANGES,
+    Device,
+    Family,
+    lacking,
+    own_ranges,
+    range_names,
+)
 from bussim.wording import shorten
 
-#: Labels P0–P127, of which P63 means END, and levels N0–N7 (FX programming manual).
-LAST_LABEL = 127
+#: The label that means END (FX programming manual).
 END_LABEL = 63
-LAST_LEVEL = 7
 
 _INDEX = r"(?:([VZ])([0-9]?))?"
 _DECIMAL = re.compile(rf"K([+-]?[0-9]{{1,12}}){_INDEX}", re.ASCII)
@@ -48,7 +56,7 @@ class Operand:
     index: tuple[str, int] | None = None
     hexadecimal: bool = False
     bit: int = 0
-    fx3: bool = False  # of a program of an FX3U
+    family: Family = Family.FX2N  # whose program it is of
 
     @property
     def device(self) -> Device:
@@ -61,42 +69,42 @@ class Operand:
         return self.address if self.kind == "K" and self.index is None else None
 
 
-def range_of(letter: str, address: int, *, word: bool, fx3: bool = False) -> tuple[int, int] | None:
+def range_of(
+    letter: str, address: int, *, word: bool, family: Family = Family.FX2N
+) -> tuple[int, int] | None:
     """The range of bits or words that holds an address, both ends included; None if none does."""
-    more = FX3_RANGES.get(letter) if fx3 else None
-    for first, last in more or (WORD_RANGES if word else BIT_RANGES).get(letter, ()):
+    own = own_ranges(letter, family)
+    for first, last in own or (WORD_RANGES if word else BIT_RANGES).get(letter) or PLACES.get(letter, ()):
         if first <= address <= last:
             return first, last
     return None
 
 
-def range_text(letter: str, *, fx3: bool = False) -> str:
+def range_text(letter: str, *, family: Family = Family.FX2N) -> str:
     """The addresses of a letter as a message shows them."""
-    if letter == "R" and not fx3:
+    if letter == "R" and family is not Family.FX3U:
         return "on an FX3U only"
-    if letter == "P" and not fx3:
-        return f"P0–P{LAST_LABEL}"
-    if letter == "N":
-        return f"N0–N{LAST_LEVEL}"
-    ranges = (FX3_RANGES.get(letter) if fx3 else None) or BIT_RANGES.get(letter) or WORD_RANGES[letter]
-    return ", ".join(f"{Device(letter, first)}–{Device(letter, last)}" for first, last in ranges)
+    ranges = own_ranges(letter, family) or PLACES.get(letter) or BIT_RANGES.get(letter)
+    return range_names(letter, ranges or WORD_RANGES[letter])
 
 
-def parse_operand(text: str, column: int, *, fx3: bool = False) -> Operand:
-    """The operand that a text names; ``fx3``: of a program of an FX3U.
+def parse_operand(text: str, column: int, *, family: Family = Family.FX2N) -> Operand:
+    """The operand that a text names; ``family``: whose devices it may name.
 
     Raises ValueError with a message for the user.
     """
     upper = text.upper()
     if match := _GROUP.fullmatch(upper):
         count, letter, digits, *index = match.groups()
-        address = _address(text, letter, digits, fx3=fx3)
+        address = _address(text, letter, digits, family=family)
         groups = int(count)
         if not 1 <= groups <= 8:
             raise ValueError(
                 f"{shorten(text)}: K{groups} in front of a bit device, allowed K1–K8 (groups of 4)"
             )
-        return Operand(text, column, f"Kn{letter}", letter, address, groups, _index(text, *index), fx3=fx3)
+        return Operand(
+            text, column, f"Kn{letter}", letter, address, groups, _index(text, *index), family=family
+        )
     if match := _DECIMAL.fullmatch(upper):
         number, *index = match.groups()
         return Operand(text, column, "K", "K", int(number), 0, _index(text, *index))
@@ -107,18 +115,18 @@ def parse_operand(text: str, column: int, *, fx3: bool = False) -> Operand:
     if match := _REGISTER.fullmatch(upper):
         letter, digits = match.groups()
         return Operand(text, column, letter, letter, _address(text, letter, digits or "0"))
-    if fx3 and (match := _WORD_BIT.fullmatch(upper)):
-        address = _address(text, "D", match[1], fx3=fx3)
-        return Operand(text, column, "D.b", "D", address, bit=int(match[2], 16), fx3=fx3)
+    if family is Family.FX3U and (match := _WORD_BIT.fullmatch(upper)):
+        address = _address(text, "D", match[1], family=family)
+        return Operand(text, column, "D.b", "D", address, bit=int(match[2], 16), family=family)
     if match := _DEVICE.fullmatch(upper):
         letter, digits, *index = match.groups()
-        address = _address(text, letter, digits, fx3=fx3)
+        address = _address(text, letter, digits, family=family)
         kind = "D" if letter == "R" else letter
-        return Operand(text, column, kind, letter, address, 0, _index(text, *index), fx3=fx3)
+        return Operand(text, column, kind, letter, address, 0, _index(text, *index), family=family)
     raise ValueError(f"{shorten(repr(text))} is no device or constant; {_hint(upper)}")
 
 
-def _address(text: str, letter: str, digits: str, *, fx3: bool = False) -> int:
+def _address(text: str, letter: str, digits: str, *, family: Family = Family.FX2N) -> int:
     shown = shorten(text)
     octal = letter in _OCTAL
     if octal and not set(digits) <= set("01234567"):
@@ -127,14 +135,10 @@ def _address(text: str, letter: str, digits: str, *, fx3: bool = False) -> int:
             f"{shown}: {letter} is numbered in octal (no 8 or 9); point {int(digits)} of {letter} is {meant}"
         )
     address = int(digits, 8 if octal else 10)
-    if letter == "N" or (letter == "P" and not fx3):
-        inside = address <= (LAST_LABEL if letter == "P" else LAST_LEVEL)
-    else:
-        inside = range_of(letter, address, word=letter not in BIT_RANGES, fx3=fx3) is not None
-    if not inside:
-        only = letter != "R" and any(low <= address <= high for low, high in FX3_RANGES.get(letter, ()))
-        why = "only an FX3U has it" if only else f"there is no {letter}{digits}"
-        raise ValueError(f"{shown}: {why}, allowed {range_text(letter, fx3=fx3)}")
+    if range_of(letter, address, word=letter not in BIT_RANGES, family=family) is None:
+        lacks = letter != "R" and lacking(Device(letter, address), family)
+        why = f"{lacks} it" if lacks else f"there is no {letter}{digits}"
+        raise ValueError(f"{shown}: {why}, allowed {range_text(letter, family=family)}")
     return address
 
 

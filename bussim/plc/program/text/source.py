@@ -19,6 +19,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from bussim.errors import Problem
+from bussim.plc.memory import Family
 from bussim.plc.program.text.catalog import FORMS, LABEL, Form, Instruction, Spec, steps_of
 from bussim.plc.program.text.operand_checks import operand_problems, slots_of
 from bussim.plc.program.text.operands import Operand, parse_operand
@@ -111,11 +112,11 @@ class Source:
     later checks blame nothing on its absence.
     """
 
-    def __init__(self, text: str, name: str, *, skip: bool = False, fx3: bool = False) -> None:
+    def __init__(self, text: str, name: str, *, skip: bool = False, family: Family = Family.FX2N) -> None:
         self.name = name
         #: Those that are skipped, as they are not simulated: none without ``skip``.
         self.skipped: list[Problem] = []
-        self._skip, self._fx3 = skip, fx3
+        self._skip, self._family = skip, family
         self.instructions: list[Instruction] = []
         self.gaps: set[int] = set()
         self.problems: list[Problem] = []
@@ -261,7 +262,7 @@ class Source:
     def _operands(self, words: list[_Word]) -> Iterator[Operand]:
         for word in words:
             try:
-                yield parse_operand(word.text, word.column, fx3=self._fx3)
+                yield parse_operand(word.text, word.column, family=self._family)
             except ValueError as error:
                 self._wrong(word.line, word.column, str(error))
 
