@@ -129,7 +129,9 @@ def _warnings(instructions: list[Instruction], name: str) -> Iterator[Problem]:
     coils: dict[Device, Instruction] = {}
     idle: dict[str, Instruction] = {}
     for at in instructions:
-        for extent in extents(at) if at.name not in ("RST", "ZRST") else ():
+        for extent in extents(at):
+            if at.name in ("RST", "ZRST") and extent.letter != "C":
+                continue
             for message in not_simulated(extent, with_rs=with_rs):
                 if idle.setdefault(message, at) is at:
                     yield warn(at, message)

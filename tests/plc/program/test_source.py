@@ -94,7 +94,7 @@ def test_what_a_line_may_look_like() -> None:
         ("MUL D0 D1 Z0", 11, "allowed KnY KnM KnS T C D"),
         ("OUT T0 K40000", 8, "K0…K32767"),
         ("OUT T0 D8256", 8, "D8256"),
-        ("OUT C240 K1", 5, "count in hardware"),
+        ("OUT C240 K1", 1, "counts in hardware"),
         ("OUT Y0Z0", 5, "index register"),
         ("OUT M8000", 5, "M8000 is driven by the PLC itself"),
         ("MOV K0 K4M8006", 8, "M8011 is driven by the PLC itself"),

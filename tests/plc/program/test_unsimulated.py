@@ -10,7 +10,7 @@ import pytest
 
 from bussim.cli import main
 from bussim.errors import ProgramError
-from bussim.plc.memory import Device, Memory
+from bussim.plc.memory import Device, Family, Memory
 from bussim.plc.program.execution import ProgramRun
 from bussim.plc.program.program import Program
 from bussim.plc.program.text.catalog import FORMS
@@ -70,6 +70,46 @@ def test_those_that_are_skipped_are_warned_of_and_the_rest_runs() -> None:
     run.scan(0)
     assert [memory.get(Device("Y", at)) for at in (1, 2, 7)] == [1, 0, 0]
     assert memory.get(Device("D", 5)) == 7
+
+
+@pytest.mark.parametrize(
+    ("line", "says", "effect"),
+    [
+        ("OUT C235 K1000", "OUT C235 is a counter that counts in hardware", "it never counts"),
+        ("OUT C255 D10", "OUT C255 is a counter that counts in hardware", "it never counts"),
+        ("RS2 D200 K4 D210 K10 K1", "RS2 with K1 is the FX3U's own", "its port stays silent"),
+        ("RS2 D200 K4 D210 K10 K0", "RS2 with K0 is the FX3U's own", "its port stays silent"),
+    ],
+)
+def test_operands_that_are_not_simulated_are_refused_or_skipped(line: str, says: str, effect: str) -> None:
+    text = f"LD M8000\n{line}\nOUT Y1\nEND"
+    with pytest.raises(ProgramError) as caught:
+        Program.parse(text, "p", family=Family.FX3U)
+    (problem,) = caught.value.problems
+    assert (problem.line, problem.column) == (2, 1)
+    for part in (says, "not simulated", "--allow-unsimulated", effect):
+        assert part in problem.message
+    program = Program.parse(text, "p", skips=True, family=Family.FX3U)
+    (warning,) = program.warnings
+    for part in (says, "it is skipped", effect):
+        assert part in warning.message
+    assert program.steps == 1 + (5 if "C2" in line else 11) + 1 + 1
+    memory = Memory()
+    run = ProgramRun(program, memory)
+    run.run(0)
+    run.scan(0)
+    assert memory.get(Device("Y", 1)) == 1
+
+
+@pytest.mark.parametrize(
+    ("line", "counter"),
+    [("RST C235", "C235"), ("DMOV C240 D0", "C240"), ("LD C251\nOUT Y0", "C251"), ("DMOV K1 C250", "C250")],
+)
+def test_what_names_a_counter_in_hardware_is_warned_of(line: str, counter: str) -> None:
+    program = Program.parse(f"LD M8000\n{line}\nEND" if line[0] != "L" else f"{line}\nEND", "p")
+    (warning,) = program.warnings
+    assert warning.message == f"{counter} counts in hardware, which is not simulated: it never counts"
+    assert not Program.parse("LD M8000\nRST C234\nZRST C200 C255\nEND", "p").warnings
 
 
 def test_a_mistake_stays_one() -> None:

@@ -110,11 +110,6 @@ def _value_problem(name: str, form: Form, slot: Slot, operand: Operand) -> str |
         if _is_word(form, kind) and not wide:
             instead = "use the D form" if "D" in form.spec.forms else f"allowed C0–C{FIRST_LONG_COUNTER - 1}"
             return f"{name}: {text} has 32 bits; {instead}"
-        if name == "OUT" and address >= FIRST_FAST_COUNTER:
-            return (
-                f"OUT {text}: C{FIRST_FAST_COUNTER}–C255 count in hardware, which is not simulated; "
-                f"use C0–C{FIRST_FAST_COUNTER - 1}"
-            )
     elif name in ("PLS", "PLF") and kind == "M" and address >= 8000:
         return f"{name}: {text} is a special bit, allowed Y and M0–M3071"
     return None

@@ -23,7 +23,7 @@ from bussim.plc.memory import Family
 from bussim.plc.program.text.catalog import FORMS, LABEL, Form, Instruction, Spec, steps_of
 from bussim.plc.program.text.operand_checks import operand_problems, slots_of
 from bussim.plc.program.text.operands import Operand, parse_operand
-from bussim.plc.program.text.unsimulated import SKIPPED, effect_of, stand_in
+from bussim.plc.program.text.unsimulated import SKIPPED, effect_of, effect_of_operands, stand_in
 from bussim.wording import nearest, shorten
 
 #: Largest program that is read: the FX's 16 000 steps with room for comments.
@@ -65,6 +65,7 @@ _ELSEWHERE = {
     "S": "SET",
     "R": "RST",
 }
+_SKIP = "--allow-unsimulated (allow_unsimulated: true) skips it"
 _FULL_WIDTH = {0xFF01 + at: 0x21 + at for at in range(94)} | {0x3000: 0x20}
 #: What most lines of most programs begin with, from the commonest on: of two that are as like a mistake as
 #: each other the earlier one is meant.
@@ -240,7 +241,10 @@ class Source:
             words = []
         before = len(self.problems)
         operands = tuple(self._operands(words))
-        if len(self.problems) == before:
+        found = effect_of_operands(name, operands, self._family) if len(self.problems) == before else None
+        if found is not None:
+            name, form, operands = self._leave_out(head, found, form, operands)
+        elif len(self.problems) == before:
             for at, message in operand_problems(name, form, operands):
                 word = words[at] if 0 <= at < len(words) else head
                 self._wrong(word.line, word.column, message)
@@ -258,6 +262,18 @@ class Source:
             )
         )
         self._step += steps_of(form, operands)
+
+    def _leave_out(
+        self, head: _Word, found: tuple[str, str], form: Form, operands: tuple[Operand, ...]
+    ) -> tuple[str, Form, tuple[Operand, ...]]:
+        """What stands for one whose operands are not simulated; without ``skip`` it is a mistake."""
+        what, effect = found
+        if not self._skip:
+            self._wrong(head.line, head.column, f"{what}, which is not simulated; {_SKIP}: {effect}")
+        else:
+            message = f"{what}: it is skipped, as it is not simulated: {effect}"
+            self.skipped.append(Problem(self.name, head.line, head.column, message))
+        return SKIPPED.name, Form(replace(SKIPPED, steps=steps_of(form, operands))), ()
 
     def _operands(self, words: list[_Word]) -> Iterator[Operand]:
         for word in words:
@@ -316,8 +332,7 @@ def _unknown(word: str) -> str:
     shown = shorten(repr(word))
     upper = word.upper()
     if effect := effect_of(upper):
-        skip = "--allow-unsimulated (allow_unsimulated: true) skips it"
-        return f"{shown} is an FX3 instruction that is not simulated; {skip}: {effect}"
+        return f"{shown} is an FX3 instruction that is not simulated; {_SKIP}: {effect}"
     # A known instruction in a form that it does not have says more than the nearest name.
     for base in (
         upper,

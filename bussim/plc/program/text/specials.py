@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from bussim.plc.memory import FIRST_SPECIAL, device_ranges
-from bussim.plc.program.text.operand_checks import Extent
+from bussim.plc.program.text.operand_checks import FIRST_FAST_COUNTER, Extent
 
 #: Bits that change instructions, or the whole PLC, and do not here: what they do, by M's address.
 SPECIAL_BITS = {
@@ -32,8 +32,12 @@ _OF_RS = device_ranges("M8121-8124 M8129 M8161 D8120 D8122-8125 D8129")
 def not_simulated(extent: Extent, *, with_rs: bool) -> Iterator[str]:
     """What is to be said of special devices that are touched: of the first, and of bits that are written.
 
+    So of counters that count in hardware.
+
     ``with_rs``: of a program with an RS.
     """
+    if extent.letter == "C" and extent.first >= FIRST_FAST_COUNTER:
+        yield f"C{extent.first} counts in hardware, which is not simulated: it never counts"
     letter, known = extent.letter, (*_ALIVE, *(_OF_RS if with_rs else ()))
     for address in range(max(extent.first, FIRST_SPECIAL), extent.last + 1) if letter in "MD" else ():
         effect = SPECIAL_BITS.get(address, "") if letter == "M" else ""

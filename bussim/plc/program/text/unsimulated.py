@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import re
 
+from bussim.plc.memory import Family
 from bussim.plc.program.text.catalog import FORMS, SPECS, Form, LadderRole, Spec
+from bussim.plc.program.text.operand_checks import FIRST_FAST_COUNTER
+from bussim.plc.program.text.operands import Operand
 
 #: Stands for an output that is skipped.
 SKIPPED = Spec("(skipped)", LadderRole.OUTPUT)
@@ -51,6 +54,18 @@ def _base(name: str) -> str:
     bare = name.removesuffix("P")
     forms = (name, bare, name.removeprefix("D"), bare.removeprefix("D"))
     return next((form for form in forms if form in _EFFECT), "")
+
+
+def effect_of_operands(name: str, operands: tuple[Operand, ...], family: Family) -> tuple[str, str] | None:
+    """What an instruction is whose operands are not simulated, and what becomes of the link without it."""
+    counter = name == "OUT" and len(operands) == 2 and operands[0].kind == "C"
+    if counter and operands[0].address >= FIRST_FAST_COUNTER:
+        what = f"OUT {operands[0].text} is a counter that counts in hardware (C{FIRST_FAST_COUNTER}–C255)"
+        return what, "it never counts, its contact stays off"
+    if name == "RS2" and family is Family.FX3U and len(operands) == 5 and operands[4].constant in (0, 1):
+        what = f"RS2 with {operands[4].text} is the FX3U's own, with its special devices from D8400 on"
+        return what, "its port stays silent; RS2 with K2–K6 is that of a PW10"
+    return None
 
 
 def stand_in(name: str) -> Form:
