@@ -9,7 +9,7 @@ from functools import partial
 from bussim.errors import Problem, ProgramError
 from bussim.plc.memory import Device, Family
 from bussim.plc.program.machine import BACKWARDS
-from bussim.plc.program.text.catalog import Instruction
+from bussim.plc.program.text.catalog import Flow, Instruction
 from bussim.plc.program.text.flow import BasicBlock, FlowCheck, cut
 from bussim.plc.program.text.ladder import Ladder, Rung, contacts_of
 from bussim.plc.program.text.operand_checks import Extent, extents
@@ -56,7 +56,7 @@ class Program:
         if problems:
             raise ProgramError(problems)
         instructions = source.instructions
-        warnings = (*source.skipped, *_warnings(instructions, source_name))
+        warnings = (*source.warnings, *_warnings(instructions, source_name))
         blocks = tuple(cut(ladder.items, instructions))
         return cls(text, source_name, tuple(instructions), blocks, warnings, skips=skips, family=family)
 
@@ -126,9 +126,12 @@ def _warnings(instructions: list[Instruction], name: str) -> Iterator[Problem]:
         return Problem(name, at.line, at.column, message)
 
     with_rs = any(at.name == "RS" for at in instructions)
-    coils: dict[Device, Instruction] = {}
+    coils: dict[Device, list[tuple[Instruction, int | None]]] = {}
+    step: int | None = None  # the state whose step it is
     idle: dict[str, Instruction] = {}
     for at in instructions:
+        if at.spec.flow in (Flow.STL, Flow.RET):
+            step = at.operands[0].address if at.operands else None
         for extent in extents(at):
             if at.name in ("RST", "ZRST") and extent.letter != "C":
                 continue
@@ -137,11 +140,12 @@ def _warnings(instructions: list[Instruction], name: str) -> Iterator[Problem]:
                     yield warn(at, message)
         if at.name in ("OUT", "PLS", "PLF") and at.operands[0].kind != "D.b" and not at.operands[0].index:
             device = at.operands[0].device
-            if device in coils:
-                yield warn(
-                    at, f"{device} is driven at line {coils[device].line} too; the last one executed wins"
-                )
-            coils.setdefault(device, at)
+            others = coils.setdefault(device, [])
+            # In different steps of a step ladder one device may be driven: they are on one after the other.
+            both = (other for other, its in others if its is None or step is None or its == step)
+            if other := next(both, None):
+                yield warn(at, f"{device} is driven at line {other.line} too; the last one executed wins")
+            others.append((at, step))
         elif at.number and any(
             operand.device == Device("M", LINK_SETTINGS) for operand in at.operands if operand.kind == "M"
         ):
@@ -152,7 +156,7 @@ def _warnings(instructions: list[Instruction], name: str) -> Iterator[Problem]:
         for extent in extents(at):
             if not extent.writes or extent.word:
                 continue
-            for device, coil in coils.items():
+            for device, ((coil, _), *_) in coils.items():
                 if extent.holds(device.letter, device.address, word=False):
                     yield warn(
                         at,

@@ -125,3 +125,15 @@ def test_a_random_chart_does_the_same_compiled_and_interpreted(seed: int) -> Non
         reference.scan(now)
         assert state(memory) == expected(reference), f"scan {number} of\n{text}"
         now += rng.choice((1, 5, 30, 100)) * TICKS_PER_MS
+
+
+def test_one_device_may_be_driven_in_several_steps() -> None:
+    assert not Program.parse(PRESS + "END", "p").warnings  # Y1 in two
+    again = PRESS.replace("OUT Y1\nLD X2", "OUT Y1\nOUT Y1\nLD X2")
+    (warning,) = Program.parse(again + "END", "p").warnings
+    assert "Y1 is driven at line 16 too" in warning.message
+    (warning,) = Program.parse(PRESS + "LD X7\nOUT Y0\nEND", "p").warnings  # behind RET
+    assert "Y0 is driven at line 7 too" in warning.message
+    twice = PRESS.replace("RET\n", "STL S20\nOUT Y0\nRET\n")
+    (warning,) = Program.parse(twice + "END", "p").warnings
+    assert "Y0 is driven at line 7 too" in warning.message

@@ -7,8 +7,9 @@ in Chinese, Japanese or Korean with no instruction behind it, and a line's first
 ``/* … */`` hold one. Capitals or not, of full width or not makes no difference; between a device's letter
 and its number may be blanks (``X 0``), in front of a comparison's sign too (``LD = D0 K1``), behind it none
 (``LD=D0 K1``), and a handheld programmer's SP in front of a preset (``OUT T0 SP K50``). Several instructions
-may stand on a line. Step numbers are read over: a list that was edited keeps its old ones;
-only where lines have several must they rise, for a list printed in columns is read downwards.
+may stand on a line. Step numbers that are not those of the instructions are warned of: a list that was
+edited keeps its old ones. Only where lines have several must they rise, for a list printed in columns is read
+downwards.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from typing import NamedTuple
 from bussim.errors import Problem
 from bussim.plc.memory import Family
 from bussim.plc.program.text.catalog import FORMS, LABEL, Form, Instruction, Spec, steps_of
+from bussim.plc.program.text.numbering import Printed, misnumbered
 from bussim.plc.program.text.operand_checks import operand_problems, slots_of
 from bussim.plc.program.text.operands import Operand, parse_operand
 from bussim.plc.program.text.unsimulated import SKIPPED, effect_of, effect_of_operands, stand_in
@@ -115,8 +117,8 @@ class Source:
 
     def __init__(self, text: str, name: str, *, skip: bool = False, family: Family = Family.FX2N) -> None:
         self.name = name
-        #: Those that are skipped, as they are not simulated: none without ``skip``.
-        self.skipped: list[Problem] = []
+        #: Of instructions that are skipped, as they are not simulated (none without ``skip``), and of steps.
+        self.warnings: list[Problem] = []
         self._skip, self._family = skip, family
         self.instructions: list[Instruction] = []
         self.gaps: set[int] = set()
@@ -125,6 +127,8 @@ class Source:
         self.whole = False
         self._step = 0
         self._number = -1  # the latest step number that is written
+        self._printed: list[Printed] = []
+        self._numbered: _Word | None = None  # the step number of the instruction that begins next
         self._columns = False  # whether a line had several
         self._open = False  # whether a comment was not closed
         self._statement: _Statement | None = None
@@ -144,6 +148,13 @@ class Source:
                 return
         self._finish()
         self.whole = not self._open
+        if not self.problems and (found := misnumbered(self._printed, self.instructions)):
+            printed, step = found
+            message = (
+                f"step {printed.step} is printed where step {step} follows from the instructions in front "
+                "of it: are some missing, doubled or moved?"
+            )
+            self.warnings.append(Problem(self.name, printed.line, printed.column, message))
 
     def _wrong(self, line: int, column: int, message: str) -> None:
         self.problems.append(Problem(self.name, line, column, message))
@@ -183,8 +194,9 @@ class Source:
             if self._columns and step <= self._number:
                 below = "put the columns of a printed list below each other"
                 self._wrong(number, head.column, f"step {step} behind step {self._number}; {below}")
-            self._number = step
+            self._number, self._numbered = step, head
             self._begin_or_go_on(words[1:])
+            self._numbered = None
 
     def _begin_or_go_on(self, words: list[_Word]) -> None:
         statement, head = self._statement, words[0]
@@ -205,6 +217,10 @@ class Source:
 
     def _begin(self, words: list[_Word]) -> None:
         head, *rest = words
+        if self._numbered is not None:
+            _, line, column = self._numbered
+            self._printed.append(Printed(self._number, len(self.instructions), line, column))
+            self._numbered = None
         if _LABEL.fullmatch(head.text):
             label = head._replace(text=head.text.rstrip(":"))
             self._statement = _Statement("P", head, Form(LABEL), [label])
@@ -221,7 +237,7 @@ class Source:
         if form is None and effect:
             form = stand_in(name)
             message = f"{name} is skipped, as it is not simulated: {effect}"
-            self.skipped.append(Problem(self.name, head.line, head.column, message))
+            self.warnings.append(Problem(self.name, head.line, head.column, message))
             if form.spec.slots:
                 rest = [head._replace(text="M8000")]
         self._statement = _Statement(name, head, form, rest)
@@ -272,7 +288,7 @@ class Source:
             self._wrong(head.line, head.column, f"{what}, which is not simulated; {_SKIP}: {effect}")
         else:
             message = f"{what}: it is skipped, as it is not simulated: {effect}"
-            self.skipped.append(Problem(self.name, head.line, head.column, message))
+            self.warnings.append(Problem(self.name, head.line, head.column, message))
         return SKIPPED.name, Form(replace(SKIPPED, steps=steps_of(form, operands))), ()
 
     def _operands(self, words: list[_Word]) -> Iterator[Operand]:
