@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import NamedTuple
 
 from bussim.results.meters.refresh import RefreshMeter
 from bussim.trace.records import AFTER_FRAME, IN_FRAME, JABBER, WITHOUT_FRAME
+from bussim.units import TICKS_PER_SECOND
 
 #: From this share of failed attempts on, what showed with them is their cause.
 _MOSTLY = 0.5
@@ -70,11 +71,23 @@ class Times:
 
 @dataclass(slots=True)
 class Irregular:
-    """How often a node's driver disturbed a bus in one way, and when for the first and last time."""
+    """How often a node's driver disturbed a bus in one way, when for the first and last time.
+
+    What comes less than a second after what was before belongs to the same time: ``since`` when the latest
+    began; ``past`` are those before it.
+    """
 
     number: int = 0
     first: int = 0
     last: int = 0
+    since: int = 0
+    past: Times = field(default_factory=Times)
+
+    def times(self) -> Times:
+        """The times in which it did, the latest included."""
+        found = replace(self.past)
+        found.add(self.since, self.last)
+        return found
 
 
 #: By node and by one of :data:`bussim.trace.records.IRREGULAR`.
@@ -85,7 +98,10 @@ def note_irregular(irregulars: Irregulars, node: str, what: str, tick: int) -> N
     """Count what a node's driver did."""
     found = irregulars.get((node, what))
     if found is None:
-        found = irregulars[node, what] = Irregular(first=tick)
+        found = irregulars[node, what] = Irregular(first=tick, since=tick)
+    elif tick - found.last >= TICKS_PER_SECOND:
+        found.past.add(found.since, found.last)
+        found.since = tick
     found.number += 1
     found.last = tick
 
@@ -106,12 +122,16 @@ class Failures:
 
 @dataclass(slots=True)
 class _Open:
-    """An exchange that fails: since when, and what had been counted at the beginning of its link scan."""
+    """An exchange that fails: since when, and what had been counted at the beginning of its link scan.
+
+    ``irregular`` is what had been counted at the latest attempt, ``met`` in how many attempts it had grown.
+    """
 
     since: int
     scan_start: int
     scans: int
     irregular: Counter[tuple[str, str]]
+    met: Counter[tuple[str, str]] = field(default_factory=Counter)
     refused: bool = False
     stopped: bool = False
     listening: frozenset[int] = frozenset()  # the stations that received the data frame of that scan
@@ -188,6 +208,8 @@ class FailureMeter:
         if station not in self._open:
             self._open[station] = self._begin(station, tick)
         self._open[station].codes[code] += 1
+        if self._irregular:
+            self._look(self._open[station])
 
     def flag(self, station: int, tick: int, *, on: bool) -> None:
         """A station's flag at the master changed."""
@@ -212,6 +234,12 @@ class FailureMeter:
             reply = self._last_reply(station)
             self._close(station, duration, replied=each.flagged is None and (reply or 0) > each.since)
         return self._found
+
+    def _look(self, each: _Open) -> None:
+        """Note what drivers did since an exchange's latest attempt."""
+        now = self._counted()
+        each.met.update((now - each.irregular).keys())
+        each.irregular = now
 
     def _counted(self) -> Counter[tuple[str, str]]:
         return Counter({key: each.number for key, each in self._irregular.items()})
@@ -268,8 +296,8 @@ class FailureMeter:
             return Cause.MISSING if self._by_number and me is None else self._by_codes(codes)
         if each.refused or each.stopped:
             return Cause.REFUSED if each.refused else Cause.STOPPED
-        now = self._counted() - each.irregular
-        shown = {key for key, number in now.items() if number >= enough and key[1] != IN_FRAME}
+        self._look(each)
+        shown = {key for key, number in each.met.items() if number >= enough and key[1] != IN_FRAME}
         # What another slave does to an exchange is seldom silence.
         names = {me.name, *(master.name for master in self._masters)}
         if any(what in _OF_ALL or node in names for node, what in shown) or (

@@ -95,24 +95,23 @@ SENTENCES: Mapping[str, Sentence] = {
         "{plc} has station number {station}, but the master of {bus} polls only {slaves:n}."
     ),
     "no_frame": _fault(
-        "{node} sent what is no frame (jabber) between {from_s:.2f} s and {to_s:.2f} s; frames on {bus} that "
-        "began meanwhile: {frames:n}."
+        "{node} sent what is no frame (jabber) {when:when}; frames on {bus} that began meanwhile: {frames:n}."
     ),
     "late_release": _fault(
-        "{node} released its driver late between {from_s:.2f} s and {to_s:.2f} s; frames on {bus} that began "
-        "while it was still on after its own: {frames:n}."
+        "{node} released its driver late {when:when}; frames on {bus} that began while it was still on after "
+        "its own: {frames:n}."
     ),
     "late_replies": _fault(
-        "{node} replied too late on {bus} between {from_s:.2f} s and {to_s:.2f} s; replies that ended after "
-        "the timeout, and so met a later attempt or another frame: {frames:n}."
+        "{node} replied too late on {bus} {when:when}; replies that ended after the timeout, and so met a "
+        "later attempt or another frame: {frames:n}."
     ),
     "pauses": _fault(
-        "{node} paused inside its frames on {bus} for two characters or more, which ends a frame, between "
-        "{from_s:.2f} s and {to_s:.2f} s; such frames: {frames:n}."
+        "{node} paused inside its frames on {bus} for two characters or more, which ends a frame, "
+        "{when:when}; such frames: {frames:n}."
     ),
     "other_rate": _fault(
-        "{node} sent with another rate, format or clock than that of {bus} between {from_s:.2f} s and "
-        "{to_s:.2f} s; such frames: {frames:n}."
+        "{node} sent with another rate, format or clock than that of {bus} {when:when}; such frames: "
+        "{frames:n}."
     ),
     "collisions": _fault(
         "{bus}: frames that began while another station was sending (collisions): {frames:n}."

@@ -70,7 +70,7 @@ def driver_findings(bus: str, collisions: int, irregular: Irregulars, *, known: 
                 if what == JABBER:  # its characters go on and on; what counts are the frames that it met
                     met = irregular.get((node, WITHOUT_FRAME))
                     number = met.number if met else 0
-                when = {"from_s": s(found.first), "to_s": s(found.last)}
+                when = {"from_s": s(found.first), "to_s": s(found.last), "when": in_all(found.times())}
                 yield key, {"bus": bus, "node": node, "frames": number, **when}
     if collisions and not known:
         senders = sorted(node for node, kind in irregular if kind == IN_FRAME)

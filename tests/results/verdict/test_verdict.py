@@ -129,6 +129,26 @@ def test_a_late_station_does_not_hide_what_another_one_has(fault: Data, cause: s
     assert 6 <= said[cause]["when"]["from_s"] <= 7
 
 
+def test_a_jabber_within_a_cut_takes_no_cause_away_and_each_time_counts(tmp_path: Path) -> None:
+    line = link(random.Random(5))
+    line["plcs"] = line["plcs"][:4]
+    line["plcs"][0]["nn"] |= {"slaves": 3, "mode": 2, "retries": 3, "timeout": "50 ms"}
+    line["faults"] = [
+        {"at": "5 s", "for": "4 s", "cable_cut": {"bus": "link", "after": "plc1"}},
+        {"at": "6 s", "for": "1 s", "jabber": "plc3"},
+        {"at": "17 s", "for": "300 ms", "jabber": "plc3"},
+    ]
+    found = faults(items(run(line, tmp_path)))
+    cut = [item["values"]["station"] for item in found if item["key"] in ("cause_cut", "cause_format")]
+    assert cut == ["station 2 (plc2)", "station 3 (plc3)"]
+    (jabber,) = [item["values"] for item in found if item["key"] == "no_frame"]
+    when = jabber["when"]
+    assert (when["times"], when["from_s"]) == (2, pytest.approx(6, abs=0.05))
+    assert when["for_s"] == pytest.approx(1, abs=0.05)
+    assert when["total_s"] == pytest.approx(1.3, abs=0.1)
+    assert (jabber["from_s"], jabber["to_s"]) == (pytest.approx(6, abs=0.05), pytest.approx(17.3, abs=0.05))
+
+
 def test_equal_outages_are_one_sentence_and_stations_stay_apart(tmp_path: Path) -> None:
     line = link(random.Random(3))
     line["faults"] = [
