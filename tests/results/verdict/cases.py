@@ -482,7 +482,6 @@ ONE_THING_WRONG: tuple[Callable[[random.Random], Case], ...] = (
     jabbering_master,
     noise_at_the_masters_driver,
     noise_at_the_masters_receiver,
-    noise_at_a_slaves_receiver,
     clock_of_a_slave,
     board_error,
     two_masters,
@@ -505,6 +504,7 @@ ONE_THING_WRONG: tuple[Callable[[random.Random], Case], ...] = (
     modbus_master_dead_to_the_end,
     wrong_address,
     wrong_addresses_alone,
+    noise_at_a_slaves_receiver,
 )
 
 
