@@ -65,6 +65,9 @@ def command(
 ) -> None:
     """Simulate, and show chosen devices of PLCs over time: at every END at which one has changed.
 
+    They also change where a PLC goes to RUN or to STOP, and where its supply goes (its outputs, which are
+    off then) or comes back (all others that are not latched). When it had none is said below the table.
+
     X is the image in memory, which is sampled at the beginning of a scan and shown at its END; when the
     wire itself changed is in inputs.csv of a run.
 
@@ -113,6 +116,9 @@ def command(
             "from_s": round(seconds(begin), 9),
             "to_s": round(seconds(end), 9),
             "devices": watch.to_json(begin, end),
+            "without_supply": [
+                (plc, s(since), s(until)) for plc, since, until in watch.without_supply(begin, end)
+            ],
             "stale": [(*pair, s(since), s(until)) for *pair, since, until in watch.stale if until > begin],
         }
         print_json(found, indent=1)
@@ -237,6 +243,10 @@ def _show(watch: Watch, begin: int, end: int) -> None:
     wide_console().print(table)
     if len(rows) > _MOST_ROWS:
         click.echo(f"{counted(len(rows) - _MOST_ROWS, 'more row')}: write them all with --csv FILE")
+    for plc, since, until in watch.without_supply(begin, end):
+        click.echo(
+            f"{plc} had no supply from {seconds(since):.6f} to {seconds(until):.6f} s: its outputs are off"
+        )
     for plc, source, since, until in watch.stale:
         if until > begin:
             when = f"from {seconds(since):.6f} to {seconds(until):.6f} s"

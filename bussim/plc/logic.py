@@ -90,15 +90,14 @@ class Logic:
 
     # -- scans -------------------------------------------------------------------------------------
 
-    def run(self, now: int) -> int:
-        """STOP→RUN and the first scan; returns the time of its instructions.
+    def run(self, now: int) -> None:
+        """STOP→RUN; the first scan follows (:meth:`scan`).
 
         What the link sends before the first END is the memory at RUN.
         """
         if self._run is not None:
             self._run.run(now)
         self.freeze()
-        return self.scan(now)
 
     def stop(self) -> None:
         """RUN→STOP."""

@@ -16,8 +16,8 @@ class PlcObserver(Protocol):
     def ended(self, end: int) -> None:
         """An END was carried out; the memory is as it left it, before the next scan."""
 
-    def changed(self, device: Device, value: int, end: int) -> None:
-        """An observed device has a new value at an END."""
+    def changed(self, device: Device, value: int, now: int) -> None:
+        """An observed device has a new value at an END, or where supply or mode changes."""
 
     def sampled(self, device: Device, changes: Sequence[Change], sampled: int, end: int) -> None:
         """An input changed since the sampling before; ``end`` ends the scan that begins with this one."""

@@ -104,6 +104,7 @@ class Plc:
         self._inputs = dict(inputs or {})
         #: Its program and inputs, from power-on to power-off; None where it has neither.
         self.logic: Logic | None = None
+        self._system: SystemDevices | None = None  # of a PLC without a program, which shows them itself
         self._observed = dict.fromkeys(observed, 0)
         self._observes_specials = any(device.address >= FIRST_SPECIAL for device in self._observed)
         #: Whether every END is carried out.
@@ -138,8 +139,8 @@ class Plc:
                 ProgramPorts(self.port_registers, self.memory, self.profile.rs_port),
                 now,
             )
-        if self._program is None:  # which shows its special devices itself, scan by scan
-            system = SystemDevices(self.memory, now)
+        if self._program is None:
+            self._system = system = SystemDevices(self.memory, now)
             self.memory.refresh_specials = lambda end: system.scan(end, self.cycle.times(end))
         self.state = PlcState.STOP
 
@@ -155,12 +156,15 @@ class Plc:
         if program is not None and profile.link_at_step_0:
             given = setting_values(profile, {str(device): at for device, at in self._registers.items()})
             given = settings_under_m8038(program, profile, self.memory, given, self._inputs, now)
-        spent = logic.run(now) if logic is not None else 0
-        mean, jitter = self.scan_under_link()
+        if self._system is not None:
+            self._system.scan(now, (0, 0, 0))
+        if logic is not None:
+            logic.run(now)
+        self.observe(now)
+        spent = logic.scan(now) if logic is not None else 0
         take_over = self.link_registers.take_over
         engine = take_over(self.longest_scan(), traced=traced, values=given) if self._linked else None
-        if engine is None:
-            mean, jitter = self._scan
+        mean, jitter = self._scan if engine is None else self.scan_under_link()
         self.state = PlcState.RUN
         self._driven = self._taken = -1
         self._done = now - 1
@@ -187,9 +191,10 @@ class Plc:
         self.link_registers.release()
         for port in self.port_registers.values():
             port.release(now)
-        if self.logic is not None:
-            self.record_faults(now)
-            self.logic.stop()
+        self.record_faults(now)
+        for part in (self.logic, self._system):
+            if part is not None:
+                part.stop()
         if not self.memory.bits("M")[8033]:
             self.memory.keep(memory_at_power_on(self.profile, self._registers, self.memory), OWN_DEVICES)
         self.state = PlcState.STOP
@@ -277,10 +282,9 @@ class Plc:
         """Bring the memory to what this PLC's latest END at or before ``now`` left in it."""
         if self.state is not PlcState.RUN:
             return
-        if self.logic is None:  # else every END is carried out when it happens
-            end = self.cycle.latest_end(now)
-            if end is not None:
-                self._refresh(end)
+        # With logic every END is carried out when it happens.
+        if self.logic is None and (end := self.cycle.latest_end(now)) is not None:
+            self._refresh(end)
         self._publish()
 
     def _publish(self) -> None:
@@ -339,10 +343,9 @@ class Plc:
             active += each.active
         extra = active * self.profile.transaction_time
         self._image_until = -1
-        if self._observed:
-            if self._observes_specials and self.memory.refresh_specials is not None:
-                self.memory.refresh_specials(now)
-            self._observe(now)
+        if self._observes_specials and self.memory.refresh_specials is not None:
+            self.memory.refresh_specials(now)
+        self.observe(now)
         if observer is not None:
             observer.ended(now)
         if logic is not None:
@@ -359,29 +362,28 @@ class Plc:
 
     def record_faults(self, now: int) -> None:
         """Report the program's errors since the latest END, without waiting for the next one."""
-        if self.logic is not None and self.logic.faulted:
+        if self.logic is not None and self.logic.faulted and self.observer is not None:
             for fault in self.logic.faults():
-                if self.observer is not None:
-                    self.observer.faulted(fault, now)
+                self.observer.faulted(fault, now)
 
     def _report_inputs(self, sampled: int, end: int) -> None:
         if self.logic is not None and self.observer is not None:
             for device, changes in self.logic.changes:
                 self.observer.sampled(device, changes, sampled, end)
 
-    def _observe(self, end: int) -> None:
-        memory, seen = self.memory, self._observed
+    def observe(self, now: int) -> None:
+        """Report observed devices that have another value; without supply outputs alone, which are off."""
+        memory, seen, off = self.memory, self._observed, self.state is PlcState.OFF
         for device, before in seen.items():
-            value = memory.get(device)
+            value = memory.get(device) if not off else 0 if device.letter == "Y" else before
             if value != before:
                 seen[device] = value
                 if self.observer is not None:
-                    self.observer.changed(device, value, end)
+                    self.observer.changed(device, value, now)
 
     def _store_blocks(self, blocks: Iterable[tuple[int, bytes]]) -> None:
         link_registers = self.link_registers
-        mode = link_registers.mode
-        if mode is None:
+        if (mode := link_registers.mode) is None:
             return
         for station, image in blocks:
             if station != link_registers.station and len(image) == MODES[mode].size:

@@ -16,7 +16,7 @@ from bussim.sim.wire.disturber import Drop, FrameFault
 from bussim.sim.wire.jabber import JabberSender
 from bussim.sim.wire.line import Line
 from bussim.sim.wire.node import Node
-from bussim.trace.records import IN_RUN, LEFT_RUN, NoteRecord, Sink
+from bussim.trace.records import IN_RUN, IN_STOP, LEFT_RUN, WITHOUT_SUPPLY, NoteRecord, Sink
 from bussim.units import format_time
 
 Undo = Callable[[int], None]
@@ -54,7 +54,7 @@ class FaultPlan:
         for name, since in (*supplied, *((device.name, device.power_on) for device in scenario.devices)):
             self._unpowered[name] = 1
             if since:
-                sink.take(NoteRecord(0, LEFT_RUN, name, "without supply", {}))
+                sink.take(NoteRecord(0, LEFT_RUN, name, WITHOUT_SUPPLY, {}))
             kernel.at(since, self._supply(name, -1), FAULT)
         for fault in scenario.faults:
             if fault.window.at < scenario.duration:
@@ -174,10 +174,10 @@ class FaultPlan:
         powered, running = self._unpowered[name] <= 0, self._stopped.get(name, 0) <= 0
         was, worked = unit.powered, unit.running
         unit.switch(now, powered=powered, running=running)
-        if unit.running is not worked and (now or worked):  # all that have a supply begin at work
-            kind, text = (
-                (LEFT_RUN, "in STOP" if powered else "without supply") if worked else (IN_RUN, "in RUN")
-            )
+        changed = unit.running is not worked or powered is not was
+        if changed and (now or worked):  # all that have a supply begin at work
+            away = (LEFT_RUN, IN_STOP if powered else WITHOUT_SUPPLY)
+            kind, text = (IN_RUN, "in RUN") if unit.running else away
             self._sink.take(NoteRecord(now, kind, name, text, {}))
         if powered is not was:
             for node in unit.nodes:

@@ -38,9 +38,9 @@ class PlcProbe:
         if self._ends:
             self._sink.ends(self._plc.name, (end,))
 
-    def changed(self, device: Device, value: int, end: int) -> None:
+    def changed(self, device: Device, value: int, now: int) -> None:
         """See the observer."""
-        self._sink.take(DeviceValueRecord(end, self._plc.name, str(device), value))
+        self._sink.take(DeviceValueRecord(now, self._plc.name, str(device), value))
 
     def sampled(self, device: Device, changes: Sequence[Change], sampled: int, end: int) -> None:
         """See the observer."""

@@ -64,6 +64,8 @@ class PlcUnit:
             plc.power_on(now)
         if plc.state is PlcState.STOP and running and powered:
             self._run(now)
+        else:
+            plc.observe(now)
 
     def _run(self, now: int) -> None:
         link = self.link

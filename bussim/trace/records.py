@@ -132,9 +132,9 @@ class FreeRecord(NamedTuple):
 
 
 class DeviceValueRecord(NamedTuple):
-    """A watched device of a PLC has a new value (only devices that the scenario observes)."""
+    """A watched device of a PLC has a new value (only devices that the scenario observes); 0 at first."""
 
-    tick: int  # the END (or, of an input, the sampling) at which it changed
+    tick: int  # the END at which it changed, or the change of supply or mode
     plc: str
     device: str
     value: int
@@ -153,7 +153,10 @@ class InputRecord(NamedTuple):
 
 
 #: Kinds of notes: a PLC goes to RUN, or a device gets its supply; and the end of that. ``where`` names it.
+#: A PLC in STOP whose supply goes or comes back has the second again.
 IN_RUN, LEFT_RUN = "in_run", "left_run"
+#: Texts of the second one.
+WITHOUT_SUPPLY, IN_STOP = "without supply", "in STOP"
 
 
 class NoteRecord(NamedTuple):

@@ -108,6 +108,55 @@ def test_current_values_and_index_registers(tmp_path: Path, capsys: pytest.Captu
     assert long == [(1 << 32) - 2, (1 << 32) - 1, 0, 1][-len(long) :]
 
 
+AWAY = """\
+schema: 1
+name: away
+duration: 6 s
+plcs:
+  - name: p
+    scan: 10 ms
+    registers: {D300: 5}
+    program: |
+      LD  M8000
+      OUT Y0
+      OUT M8033 ; what memory holds stays in STOP
+      MOV K3 D0
+      END
+  - {name: q, scan: 10 ms}
+faults:
+  - {at: 1 s, for: 1 s, stop: p}
+  - {at: 1 s, for: 1 s, stop: q}
+  - {at: 3 s, for: 2 s, stop: p}
+  - {at: 3500 ms, for: 1 s, power_off: p}
+"""
+
+
+def test_stop_and_a_time_without_supply_show_when_they_happen(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """M8033 keeps outputs and memory in STOP, not without supply: Y0 is off from 3.5 s to the RUN at 5 s."""
+    (tmp_path / "a.yaml").write_text(AWAY, encoding="utf-8")
+    names = "p.Y0,p.D0,p.D300,p.M8001,p.M8003,q.M8000,q.M8001,q.M8003"
+    words = ["watch", str(tmp_path / "a.yaml"), "--devices", names]
+    assert main([*words, "--json", "--plot", str(tmp_path / "a.svg")]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["without_supply"] == [["p", 3.5, 4.5]]
+    devices = found["devices"]
+    assert [devices[name]["start"] for name in names.split(",")] == [0, 0, 5, 0, 0, 1, 0, 0]
+    changes = {name: [(round(at, 1), value) for at, value in devices[name]["changes"]] for name in devices}
+    assert changes["p.Y0"] == [(0.0, 1), (3.5, 0), (5.0, 1)]
+    assert changes["p.D0"] == [(0.0, 3), (4.5, 0), (5.0, 3)]
+    assert changes["p.D300"] == []  # latched
+    assert [at for at, value in changes["p.M8001"] if value] == [1.0, 3.0]
+    assert changes["q.M8000"] == [(1.0, 0), (2.0, 1)]
+    assert changes["q.M8001"] == [(1.0, 1), (2.0, 0)]
+    assert changes["q.M8003"] == [(0.0, 1), (2.0, 0), (2.0, 1)]  # off in the first scan alone
+    assert "without supply" in (tmp_path / "a.svg").read_text(encoding="utf-8")
+    assert main([*words, "--from", "4 s"]) == 0
+    text = capsys.readouterr().out
+    assert text.endswith("p had no supply from 4.000000 to 4.500000 s: its outputs are off\n")
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

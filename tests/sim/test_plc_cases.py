@@ -76,11 +76,15 @@ def test_general_devices_begin_anew_and_latched_ones_go_on(kind: str) -> None:
     seen = watched(MEMORY.replace("FAULT", kind), names)
     before = [seen[name].at(3 * SECOND - 1) for name in names.split()]
     assert before == [11, 1, 1, 1, 1, 22, 1, 1, 1, 1, 3, 1]
-    back = seen["p.D10"].ticks[-1]  # the first END after RUN
+    back = seen["p.Y0"].ticks[-1]  # the first END after RUN
     assert 4 * SECOND < back <= 4 * SECOND + 6 * MS
+    # Outputs go off with the supply or RUN; a monitor sees what memory has lost when it is back, or at STOP.
+    cleared = (3 if kind == "stop" else 4) * SECOND
+    assert seen["p.Y0"].between(2 * SECOND, back) == [(3 * SECOND, 0)]
+    for name in ("p.D10", "p.M10", "p.S10", "p.CN0", "p.C0"):
+        assert seen[name].between(2 * SECOND, back) == [(cleared, 0)], name
     after = [seen[name].at(back) for name in names.split()]
     assert after == [0, 0, 0, 0, 0, 22, 1, 1, 1, 1, 3, 1]
-    assert seen["p.Y0"].between(2 * SECOND, back) == []  # on again at that END
 
 
 LINK = """
@@ -149,7 +153,9 @@ def test_a_returning_station_copies_latched_bits_although_it_asks_for_the_error_
     assert seen["s1.Y10"].at(first_end) == seen["s1.Y13"].at(first_end) == 1
     assert [value for _, value in running] == [0, 1]
     assert running[0][0] <= first_end < running[1][0]
-    assert seen["s1.Y10"].between(SECOND * 3 // 2, 10 * SECOND) == []  # it never went off in memory
+    away, back = seen["s1.Y10"].between(SECOND * 3 // 2, 10 * SECOND)
+    assert away == (6 * SECOND, 0)  # outputs are off without supply
+    assert back[1] == 1
     assert seen["m.Y15"].at(6 * SECOND) == 1
 
 
@@ -251,8 +257,8 @@ def test_observed_devices_of_a_plc_without_a_program() -> None:
     text = PLAIN.replace("90 s", "2 s") + "faults: [{at: 1 s, for: 300 ms, stop: s}]\n"
     seen = watched(text, "s.M8000 s.M8001 s.M8002 s.M8003 s.M8013 s.D8010 s.D8012 s.D8000 s.D8101")
     values = {name.removeprefix("s."): each.values for name, each in seen.items()}
-    assert values["M8000"] == [1]
-    assert values["M8001"] == []
+    assert values["M8000"] == [1, 0, 1]  # off in STOP
+    assert values["M8001"] == [1, 0]
     assert values["M8002"] == [1, 0, 1, 0]  # the first scan, after each RUN
     assert values["M8003"] == [1, 0, 1]
     assert values["M8013"] == [1, 0, 1, 0]

@@ -326,6 +326,9 @@ class LatencyMeter:
 
     def __init__(self, specs: Sequence[LatencySpec]) -> None:
         self._entries = {spec.name: _Words(spec) if spec.word else _Bits(spec) for spec in specs}
+        # By PLC and device: the values that are new since its latest END, and what they were at that one.
+        self._new: dict[tuple[str, str], DeviceValueRecord] = {}
+        self._known: dict[tuple[str, str], int] = {}
         #: Whose ENDs are wanted.
         self.plcs = frozenset(plc for spec in specs for plc in (spec.source_plc, spec.target_plc))
 
@@ -336,9 +339,8 @@ class LatencyMeter:
                 entry.input(record)
 
     def value(self, record: DeviceValueRecord) -> None:
-        """An observed device has a new value."""
-        for entry in self._entries.values():
-            entry.value(record)
+        """An observed device has a new value; what counts is the one at the next END."""
+        self._new[record.plc, record.device] = record
 
     def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
         """A block was received, its last bit at ``tick``."""
@@ -351,6 +353,12 @@ class LatencyMeter:
 
     def ends(self, plc: str, ticks: Sequence[int]) -> None:
         """ENDs of a PLC, each recorded after what it changed."""
+        for key in [key for key in self._new if key[0] == plc]:
+            record = self._new.pop(key)
+            if record.value != self._known.get(key, 0):
+                self._known[key] = record.value
+                for entry in self._entries.values():
+                    entry.value(record._replace(tick=ticks[0]))
         for entry in self._entries.values():
             for tick in ticks:
                 entry.end(plc, tick)

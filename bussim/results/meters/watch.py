@@ -7,8 +7,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from bussim.results.meters.timeline import Spans
 from bussim.results.numbers import s
-from bussim.trace.records import DeviceValueRecord, Record
+from bussim.trace.records import IN_RUN, LEFT_RUN, WITHOUT_SUPPLY, DeviceValueRecord, NoteRecord, Record
 
 
 @dataclass(slots=True)
@@ -54,23 +55,40 @@ class Watch:
         self._by_name = {(each.plc, each.device): each for each in self.watched}
         #: When a PLC worked on another's data from before one of them was away: PLC, source, from, to.
         self.stale: list[tuple[str, str, int, int]] = []
+        self._supply: dict[str, Spans] = {each.plc: Spans() for each in watched}
 
     def take(self, record: Record) -> None:
-        """Keep a record if it is a new value of one of the devices."""
-        if isinstance(record, DeviceValueRecord):
+        """Keep a record if it is a new value of one of the devices, or of its PLC's supply."""
+        if isinstance(record, NoteRecord):
+            if record.kind in (IN_RUN, LEFT_RUN) and record.where in self._supply:
+                spans = self._supply[record.where]
+                (spans.on if record.text == WITHOUT_SUPPLY else spans.off)(0, record.tick)
+        elif isinstance(record, DeviceValueRecord):
             found = self._by_name.get((record.plc, record.device))
             if found is not None:
                 found.ticks.append(record.tick)
                 found.values.append(record.value)
+
+    def without_supply(self, begin: int, end: int) -> list[tuple[str, int, int]]:
+        """When PLCs had no supply between two ticks: PLC, from, to."""
+        return [
+            (plc, max(span.start, begin), min(end if span.end is None else span.end, end))
+            for plc, spans in self._supply.items()
+            for span in spans.all().get(0, ())
+            if span.start < end and (span.end is None or span.end > begin)
+        ]
 
     def rows(self, begin: int, end: int) -> Iterator[tuple[int, list[int]]]:
         """A row for the beginning, and one for every tick at which something changed: all the values."""
         values = [each.at(begin) for each in self.watched]
         yield begin, list(values)
         changes = sorted(
-            (tick, index, value)
-            for index, each in enumerate(self.watched)
-            for tick, value in each.between(begin, end)
+            (
+                (tick, index, value)
+                for index, each in enumerate(self.watched)
+                for tick, value in each.between(begin, end)
+            ),
+            key=lambda change: change[:2],  # of two at one tick the later one counts
         )
         for number, (tick, index, value) in enumerate(changes):
             values[index] = value

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import groupby
+from typing import Any
 
 from matplotlib.axes import Axes
+from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, StrMethodFormatter
 
 from bussim.results.meters.watch import Watch, Watched
 from bussim.results.plots.style import (
+    GREY,
     PALETTE,
     SIMULATED,
     Picture,
@@ -28,6 +31,7 @@ _TALLEST = 20.0
 #: From this height on the times stand above the axes as well.
 _TALL = 8.0
 _BETWEEN = 0.1
+_SHADE: dict[str, Any] = {"color": GREY, "alpha": 0.2, "linewidth": 0}
 
 
 def shown_devices(watched: Sequence[Watched]) -> int:
@@ -66,13 +70,17 @@ def watch_picture(watch: Watch, begin: int, end: int, heading: str, about: str) 
                 _lanes(axes, group, begin, end)
             else:
                 _steps(axes, group[0], begin, end)
+        shown = {each.plc for group in groups for each in group}
+        spans = [span for span in watch.without_supply(begin, end) if span[0] in shown]
+        for axes, group in zip(rows, groups, strict=True):
+            _shade(axes, group, spans)
         for axes in rows[:-1]:
             axes.tick_params(axis="x", labelbottom=False)
         if sum(heights) > _TALL:
             rows[0].tick_params(axis="x", top=True, labeltop=True)
         rows[-1].set_xlabel("time of the run (s)")
         rows[-1].set_xlim(seconds(begin), seconds(end))
-        finish_picture(picture, heading, [])
+        finish_picture(picture, heading, [Patch(label="without supply", **_SHADE)] * bool(spans))
     return picture
 
 
@@ -112,6 +120,17 @@ def _lanes(axes: Axes, group: list[Watched], begin: int, end: int) -> None:
     axes.set_yticks(range(len(group)), [_label(each) for each in group])
     axes.set_ylim(len(group) - 0.4, -0.6)
     axes.grid(visible=False, axis="y")
+
+
+def _shade(axes: Axes, group: list[Watched], spans: Sequence[tuple[str, int, int]]) -> None:
+    """Shade when the PLCs of these devices had no supply: of bits the lane, of a word the axes."""
+    for lane, each in enumerate(group):
+        for plc, *span in spans:
+            times = [seconds(tick) for tick in span]
+            if plc == each.plc and each.bit:
+                axes.fill_between(times, lane - 0.45, lane + 0.45, **_SHADE)
+            elif plc == each.plc:
+                axes.axvspan(*times, **_SHADE)
 
 
 def _steps(axes: Axes, each: Watched, begin: int, end: int) -> None:

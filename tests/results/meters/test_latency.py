@@ -339,6 +339,7 @@ def test_a_word_that_never_travels_has_no_age() -> None:
     rig.frame(112)
     rig.end(125)
     rig.meter.value(DeviceValueRecord(130, "a", "D0", 5))
+    rig.meter.ends("a", [130])
     assert (rig.record.changes, rig.record.delivered) == (1, 0)
     entry = latency_summary(rig.record, LatencyBounds({}, ("D0 never travels",)))
     assert entry["reads"] == 0

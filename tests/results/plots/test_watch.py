@@ -11,7 +11,7 @@ from tests.selection import quick
 
 
 def word(number: int, *values: int) -> Watched:
-    return Watched("a", f"D{number}", 16, [S * (at + 1) for at in range(len(values))], list(values))
+    return Watched("a", f"D{number}", 16, "", [S * (at + 1) for at in range(len(values))], list(values))
 
 
 @pytest.mark.parametrize("values", [(), (0,), (7, 7), (0, 1), (65535,), (-32768, 32767), (1000, 1003)])
