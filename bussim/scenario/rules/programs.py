@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from itertools import product
 from typing import TYPE_CHECKING
 
 from bussim.errors import Problem
@@ -19,6 +18,7 @@ from bussim.wording import counted
 if TYPE_CHECKING:
     from bussim.plc.program.program import Program
     from bussim.plc.program.text.catalog import Instruction
+    from bussim.plc.program.text.ladder import Condition
     from bussim.plc.program.text.operand_checks import Extent
 
 #: What a program's texts together may have: a run's scenario.yaml holds them all, and must be read again.
@@ -202,37 +202,61 @@ def _check_writes(member: Member, members: list[Member], report: Report) -> None
 
 
 def _check_rungs(program: Program, member: Member, members: list[Member], report: Report) -> None:
-    """What only check says: shared bits taken without their station's error flag, two RS2 on one port."""
-    from bussim.plc.program.text.operand_checks import extents
+    """What only check says: what is taken of a station that is away, two RS2 on one port."""
+    from bussim.plc.program.text.ladder import contacts_of
     from bussim.scenario.signals.network import rungs_of
 
-    blocks, link = blocks_of(member, members), link_of(member, members)
-    flags, inverted = member.profile.devices.first_flag, any(at.name == "INV" for at in program.instructions)
-    taken: dict[int, dict[Instruction, Device]] = {}
+    inverted = any(at.name == "INV" for at in program.instructions)
     drives: dict[object, Instruction] = {}
-    for contacts, outputs in rungs_of(program):
-        guards = {at.operands[0].address - flags for at in contacts if at.operands[0].kind == "M"}
-        reads = [(at, each) for at in (*contacts, *outputs) for each in extents(at) if not each.writes]
-        for (at, extent), (station, block) in product(reads, blocks.items()):
-            part = None if extent.word or station in (member.station, *guards) else _shared(extent, block)
-            if part is not None:
-                taken.setdefault(station, {}).setdefault(at, Device(*part[:2]))
+    rungs = list(rungs_of(program))
+    for conditions, outputs in rungs if not inverted else ():
         # Without INV, rungs with the same contacts are on together.
+        contacts = [at for condition in conditions for at in contacts_of(condition)]
         said = tuple((at.name, *(operand.text for operand in at.operands)) for at in contacts)
-        for at in outputs if not inverted else ():
+        for at in outputs:
             port = at.operands[-1].text if at.name == "RS2" else _port(at, member) if at.name == "RS" else ""
             if port and (first := drives.setdefault((port, said), at)) is not at:
                 other = f"{first.name} at line {first.line}"
                 message = f"{at.name} drives port {port} while {other} does, which keeps it (assumed)"
                 _warn_at(member, at, message, report, in_runs=False)
-    for station, where in taken.items():
-        (at, bit), *more = where.items()
-        also = "".join(f"; also at line {each.line}" for each, _ in more[:4])
-        message = (
-            f"{at.name} takes {bit} of {_station(station, link)} without its error flag M{flags + station}: "
-            f"while that station is away the bit stays what it was{also}"
-        )
-        _warn_at(member, at, message, report, in_runs=False)
+    link = link_of(member, members)
+    for station, block in blocks_of(member, members).items():
+        flag = Device("M", member.profile.devices.first_flag + station)
+        found = _taken_while_away(rungs, flag, block) if station != member.station else []
+        for at, device in found[:1]:
+            also = "".join(f"; also at line {each.line}" for each, _ in found[1:5])
+            kept = "word" if device.is_word else "bit"
+            message = (
+                f"{at.name} takes {device} of {_station(station, link)} without its error flag {flag}: "
+                f"while that station is away the {kept} stays what it was{also}"
+            )
+            _warn_at(member, at, message, report, in_runs=False)
+
+
+def _taken_while_away(
+    rungs: list[tuple[list[Condition], list[Instruction]]], flag: Device, block: BlockRange
+) -> list[tuple[Instruction, Device]]:
+    """What is read of a station's block by rungs that act while its error flag is on."""
+    from bussim.plc.program.text.operand_checks import extents
+    from bussim.scenario.signals.network import Remaining, remaining
+
+    def level(at: Instruction) -> bool | None:
+        known = at.operands[0].device == flag and at.spec.test in ("on", "off")
+        return at.spec.test == "on" if known else None
+
+    taken: dict[Instruction, Device] = {}
+    earlier: dict[int, Remaining] = {}
+    for conditions, outputs in rungs:
+        found = [remaining(condition, level, earlier) for condition in conditions]
+        if any(each is False for each in found):
+            continue
+        readers = [at for each in found if isinstance(each, list) for at in each]
+        for at in (*readers, *outputs):
+            for extent in extents(at):
+                part = None if extent.writes else _shared(extent, block)
+                if part is not None:
+                    taken.setdefault(at, Device(*part[:2]))
+    return list(taken.items())
 
 
 def _station(number: int, link: Mapping[int, Member]) -> str:

@@ -8,20 +8,37 @@ registers) or where no text is (serial ports): there it is :attr:`Reachability.U
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import reduce
+from typing import assert_never
 
 from bussim.engines.nn.frames import MODES
 from bussim.plc.link_registers import D_MODE, D_SLAVES, D_STATION, bad_parameters, setting_values
 from bussim.plc.memory import FIRST_SPECIAL, BlockRange, Device, block_range
 from bussim.plc.program.program import Program
-from bussim.plc.program.text.catalog import Instruction
-from bussim.plc.program.text.ladder import Condition, Rung, contacts_of, parts
+from bussim.plc.program.text.catalog import Flow, Instruction
+from bussim.plc.program.text.ladder import (
+    Both,
+    Condition,
+    Contact,
+    Either,
+    Not,
+    Rung,
+    Saved,
+    parts,
+)
 from bussim.plc.program.text.operand_checks import READ_ONLY_BITS, Extent, extents
 from bussim.scenario.model import Plc
 
 _LAST = 8255
+#: Jumps past a rung that are looked at, the latest ones.
+MAX_PAST = 16
+
+#: The level of a condition, or the contacts that decide it.
+Remaining = bool | list[Instruction]
 
 
 class Reachability(StrEnum):
@@ -189,14 +206,52 @@ def vague_instructions(plc: Plc) -> Iterator[Instruction]:
             yield at
 
 
-def rungs_of(program: Program) -> Iterator[tuple[list[Instruction], list[Instruction]]]:
-    """Each rung's contacts, those of the MC around it included, with its outputs; so each jump."""
-    masters: dict[int | None, list[Instruction]] = {}
-    for item in (item for block in program.blocks for item in (*block.rungs, block.exit)):
-        if item is None or item.condition is None:
-            continue
-        contacts = [*masters.get(item.level, []), *contacts_of(item.condition)]
-        outputs = item.outputs if isinstance(item, Rung) else [item.instruction]
-        if outputs and outputs[0].name == "MC":
-            masters[outputs[0].operands[0].address] = contacts
-        yield contacts, outputs
+def rungs_of(program: Program) -> Iterator[tuple[list[Condition], list[Instruction]]]:
+    """Each rung with its outputs, and each jump: all conditions that must be on for it to be carried out.
+
+    They are those of the MC around it, that of the latest jumps past it (off) and its own.
+    """
+    masters: dict[int | None, list[Condition]] = {}
+    past: deque[Condition] = deque(maxlen=MAX_PAST)
+    for block in program.blocks:
+        if any(at.spec.flow in (Flow.LABEL, Flow.STL, Flow.RET) for at in block.instructions):
+            past.clear()  # other ways lead there
+        for item in (*block.rungs, block.exit):
+            if item is None or item.condition is None:
+                continue
+            conditions = [*masters.get(item.level, []), item.condition]
+            outputs = item.outputs if isinstance(item, Rung) else [item.instruction]
+            yield [*past, *conditions], outputs
+            first = outputs[0] if outputs else None
+            if first is not None and first.name == "MC":
+                masters[first.operands[0].address] = conditions
+            elif first is not None and first.name == "CJ":
+                past.append(Not(reduce(Both, conditions)))
+
+
+def remaining(
+    condition: Condition, level: Callable[[Instruction], bool | None], earlier: dict[int, Remaining]
+) -> Remaining:
+    """The level of a condition, or the contacts on which it depends, if ``level`` knows some of them.
+
+    ``earlier`` keeps what was found of rungs whose level others take, by their id.
+    """
+    match condition:
+        case Contact(at):
+            known = level(at)
+            return [at] if known is None else known
+        case Saved(rung):
+            if id(rung) not in earlier:
+                earlier[id(rung)] = remaining(rung.condition, level, earlier)
+            return earlier[id(rung)]
+        case Not(part):
+            inner = remaining(part, level, earlier)
+            return not inner if isinstance(inner, bool) else inner
+        case Both(first, second) | Either(first, second):
+            decides = isinstance(condition, Either)
+            sides = [remaining(side, level, earlier) for side in (first, second)]
+            if any(side is decides for side in sides):
+                return decides
+            return [at for side in sides if isinstance(side, list) for at in side] or not decides
+        case _:
+            assert_never(condition)
