@@ -110,12 +110,14 @@ def note_irregular(irregulars: Irregulars, node: str, what: str, tick: int) -> N
 class Failures:
     """Failed exchanges by station number and cause.
 
-    ``errors``: in which the station's flag went on, and for how long it was; ``repeated``: failed attempts
+    ``errors``: in which the station's flag went on, and for how long it was; ``codes``: their failed attempts
+    of stations by code; ``repeated``: failed attempts
     of stations by code that were followed by a good reply; ``undecided``: in which neither had come when the
     run, or the master's work, ended.
     """
 
     errors: dict[tuple[int, Cause], Times] = field(default_factory=dict)
+    codes: dict[int, Counter[int]] = field(default_factory=dict)
     repeated: dict[int, Counter[int]] = field(default_factory=dict)
     undecided: dict[tuple[int, Cause], Times] = field(default_factory=dict)
 
@@ -283,6 +285,7 @@ class FailureMeter:
             return
         key = station, self._cause(station, each, replied=replied)
         if each.flagged is not None:
+            self._found.codes.setdefault(station, Counter()).update(each.codes)
             self._found.errors.setdefault(key, Times()).add(each.flagged, tick)
         else:
             self._found.undecided.setdefault(key, Times()).add(each.since, tick)

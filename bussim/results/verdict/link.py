@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -208,21 +209,22 @@ class _Link:
                 "onsets": self._link.get("station_error_onsets", {}).get(station, len(spans)),
             }
             values |= {"for_s": in_all(summed(spans, self._duration))["total_s"]}
-            values |= {"codes": dict(self._link["failed_attempts"].get(station, {}))}
+            # Those of its errors alone; a folder of an earlier version has but all of them.
+            codes = self._record.failures.codes.get(int(station))
+            every = self._link["failed_attempts"].get(station, {})
+            values |= {"codes": dict(every) if codes is None else by_code(codes)}
             still = bool(spans) and spans[-1].end is None
             key = "station_still_in_error" if still else "station_error"
             yield key, {"bus": self._bus, "station": label, **values}
 
     def _repeated(self) -> dict[str, int]:
-        """Failed attempts that were repeated with success, by code, of slaves that were never in error."""
+        """Failed attempts by code that were repeated with success, of all slaves."""
         link, failures = self._link, self._record.failures
-        kept = failures.errors or failures.undecided or failures.repeated  # by a run of this version
-        found: dict[str, int] = {}
+        if failures.errors or failures.undecided or failures.repeated:  # by a run of this version
+            return by_code(sum(failures.repeated.values(), Counter()))
+        found: Counter[str] = Counter()
         for station, errors in link["station_errors"].items():
-            of_station = by_code(failures.repeated.get(int(station), {})) if kept else None
-            codes = link["failed_attempts"].get(station, {}) if of_station is None else of_station
-            for code, number in codes.items() if not errors else ():
-                found[code] = found.get(code, 0) + number
+            found.update({} if errors else link["failed_attempts"].get(station, {}))
         return found
 
     def _values(self, station: int, cause: Cause) -> dict[str, Any]:

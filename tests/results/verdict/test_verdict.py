@@ -330,6 +330,15 @@ def test_scans_in_error_and_onsets_are_two_figures(tmp_path: Path) -> None:
     assert 'data-path="/links/link/station_error_onsets/1" data-run="1">1' in " ".join(shown.split())
 
 
+def test_failed_attempts_are_those_of_errors_or_repeated_with_success() -> None:
+    """Attempts that failed in errors and those made good are together all of them."""
+    result = bussim.run("press_line", rows=False)
+    said = {item["key"]: item["values"]["codes"] for item in items(result) if "codes" in item["values"]}
+    failed = result.summary["links"]["link"]["failed_attempts"]
+    assert failed == {"1": {"01": 90, "04": 2}, "2": {"04": 1}}
+    assert said == {"station_error": {"01": 90}, "repeated": {"04": 3}}
+
+
 def test_onsets_are_as_many_as_flags_that_went_on() -> None:
     for name in ("press_line", "bursts", "cable_cut"):
         record = bussim.run(name, rows=False).record
