@@ -273,7 +273,6 @@ def test_observed_devices_of_a_plc_without_a_program() -> None:
         ("D8017: 13", "month must be in 1..12"),
         ("D8013: 75", "second must be in 0..59"),
         ("D8016: 30, D8017: 2", "day 30 must be in range 1..29 for month 2 in year 2000"),
-        ("D8018: 9000", "year 11000 is out of range"),
     ],
 )
 def test_a_bad_clock_is_a_mistake(clock: str, why: str, program: str) -> None:
@@ -576,3 +575,39 @@ def test_two_rs2_on_one_port_are_warned_of_once_with_their_lines_and_number(*, p
 def test_the_first_rs2_keeps_the_port_and_the_timeout_has_its_default() -> None:
     seen = watched(TWO_RS2, "p.D500 p.D501 p.D9")
     assert [each.values for each in seen.values()] == [[11], [], [10]]
+
+
+CLOCK_PROGRAM = """
+schema: 1
+name: clock
+duration: 1 s
+plcs:
+  - name: p
+    registers: {D8018: 26}
+    comments: {D8014: minute, Y0: horn, M8034: all off}
+    program: |
+      LD X0
+      MOV K30 D8014
+      MOV K31 D8014
+      OUT Y0
+      LD X1
+      OUT Y0
+      LD X2
+      OUT M8034
+      END
+"""
+
+
+def test_warnings_of_a_program_have_the_comments_and_the_clock_is_named_once() -> None:
+    texts = loads(CLOCK_PROGRAM).warnings
+    assert sum("D8014 (minute) is part of the clock" in text for text in texts) == 1
+    assert any("Y0 (horn) is driven at line" in text for text in texts)
+    assert any("M8034 (all off), which switches all outputs off, is not" in text for text in texts)
+
+
+@pytest.mark.parametrize("year", [2026, 100])
+def test_a_year_has_two_digits_and_the_day_of_the_week_is_computed(year: int) -> None:
+    [problem] = examine_text(CLOCK_PROGRAM.replace("26}", f"{year}}}"))
+    assert f"p: D8018 is {year}, allowed 0..99, the year without its century" in problem.message
+    texts = loads(CLOCK_PROGRAM.replace("26}", "26, D8019: 5}")).warnings
+    assert any("D8019, the day of the week, follows from D8013 to D8018" in text for text in texts)

@@ -15,6 +15,7 @@ from bussim.plc.program.text.ladder import Ladder, Rung, contacts_of
 from bussim.plc.program.text.operand_checks import Extent, extents
 from bussim.plc.program.text.source import Source
 from bussim.plc.program.text.specials import not_simulated
+from bussim.plc.system_devices import CLOCK
 
 #: The bit under which an FX takes its link settings over, if its contact is the program's first step.
 LINK_SETTINGS = 8038
@@ -138,6 +139,12 @@ def _warnings(instructions: list[Instruction], name: str) -> Iterator[Problem]:
             for message in not_simulated(extent, with_rs=with_rs):
                 if idle.setdefault(message, at) is at:
                     yield warn(at, message)
+            if extent.writes and idle.get("clock") is None:
+                clock = [address for address in CLOCK if extent.holds("D", address, word=True)]
+                for address in clock[:1]:
+                    idle["clock"] = at
+                    text = f"D{address} is part of the clock, which overwrites it within a second"
+                    yield warn(at, f"{text}: {at.name} has no lasting effect; set the clock in registers")
         if at.name in ("OUT", "PLS", "PLF") and at.operands[0].kind != "D.b" and not at.operands[0].index:
             device = at.operands[0].device
             others = coils.setdefault(device, [])

@@ -33,6 +33,7 @@ MAX_CSV = 1024 * 1024
 MAX_COMMENTS = 2000
 
 #: How a message names another line of the program; no word of a program has a blank in it.
+_DEVICE = re.compile(r"\b[XYMSTCDR][0-9]+\b", re.ASCII)
 _LINE = re.compile(r"\bat line ([0-9]+)\b", re.ASCII)
 
 
@@ -97,7 +98,7 @@ def read_logic(
     if plc.program is None:
         return PlcLogic(inputs=inputs, comments=comments)
     program, origin = _program(
-        (*path, "program"), plc, plc.program, files, report, skips=skips, family=profile.family
+        (*path, "program"), plc, plc.program, files, report, comments, skips=skips, family=profile.family
     )
     if program is None:
         return PlcLogic(origin=origin, inputs=inputs, comments=comments)
@@ -148,6 +149,7 @@ def _program(
     given: ProgramIn,
     files: Files,
     report: Report,
+    comments: Mapping[str, str],
     *,
     skips: bool,
     family: Family,
@@ -180,16 +182,26 @@ def _program(
         return None, origin
     for problem in program.warnings:
         # A run's warnings have no marks: the PLC's name shows whose program it is.
-        named = replace(problem, message=f"{plc.name}: {problem.message}")
+        # With its comment the first device stands, the one that is spoken of.
+        message = _DEVICE.sub(lambda at: _commented(at[0], comments), problem.message, count=1)
+        named = replace(problem, message=f"{plc.name}: {message}")
         report.add(origin.problem(report, named, warning=True), fatal=False)
     return replace(program, kind=kind), origin
+
+
+def _commented(device: str, comments: Mapping[str, str]) -> str:
+    comment = comments.get(device)
+    return f"{device} ({comment})" if comment else device
 
 
 def _exported(name: str, files: Files) -> tuple[str, str]:
     """A file as an instruction list, and what it was taken for. Raises ValueError with a predicate."""
     from bussim.plc.program.text.exports import listing  # what only a scenario with programs pays
 
-    found = listing(files.read(name, MAX_EXPORT, coded=True))
+    content = files.read(name, MAX_EXPORT, coded=True)
+    if not content.strip():
+        raise ValueError(f"is {shorten(name)}, which is empty; expected a program that ends in END")
+    found = listing(content)
     if found.comments is not None:
         raise ValueError(
             f"is {shorten(name)}, which holds {found.kind}, {counted(len(found.comments), 'device')}, and no "
@@ -201,7 +213,8 @@ def _exported(name: str, files: Files) -> tuple[str, str]:
     if len(text.encode()) > MAX_PROGRAM:
         raise ValueError(f"is {shorten(name)}, which has more than {MAX_PROGRAM >> 10} KiB")
     coding = files.codings.get(name, "UTF-8")
-    return text, f"{name} read as {found.kind}, {coding}"
+    guess = "" if coding.startswith("UTF") else " (a guess; if its comments look wrong, save it as UTF-8)"
+    return text, f"{name} read as {found.kind}, {coding}{guess}"
 
 
 def _inner(path: Path, key: str, report: Report) -> Path:

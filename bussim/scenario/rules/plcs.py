@@ -24,16 +24,28 @@ def check_plcs(resolved: Resolved, report: Report) -> None:
         entry = entries[member.path]
         path, family = (*member.path, "registers"), member.profile.family
         check_registers(path, member.plc.registers, report, link=True, family=family)
-        try:
-            clock_of([member.raw.get(f"D{address}", 0) & 0xFFFF for address in CLOCK[:-1]])
-        except ValueError as error:
-            report.mistake((*member.path, "registers"), f"{member.name}: D8013 to D8018 are no time: {error}")
+        _check_clock(member, report)
         _check_source_devices(member, report)
         _check_short_levels(member, report)
         if member.plc.nn is not None:
             _check_nn(entry, member, report)
         elif member.takes_part and member.bus is None and not entry.lost("nn", "ports", "registers"):
             _report_unknown_bus(member, resolved, report)
+
+
+def _check_clock(member: Member, report: Report) -> None:
+    path, year = (*member.path, "registers"), member.raw.get("D8018", 0)
+    if year not in range(100):
+        text = f"D8018 is {year}, allowed 0..99, the year without its century"
+        report.mistake(path, f"{member.name}: {text}")
+    else:
+        try:
+            clock_of([member.raw.get(f"D{address}", 0) & 0xFFFF for address in CLOCK[:-1]])
+        except ValueError as error:
+            report.mistake(path, f"{member.name}: D8013 to D8018 are no time: {error}")
+    if "D8019" in member.raw:
+        text = "D8019, the day of the week, follows from D8013 to D8018; leave it out"
+        report.warn(path, f"{member.name}: {text}")
 
 
 def _report_unknown_bus(member: Member, resolved: Resolved, report: Report) -> None:

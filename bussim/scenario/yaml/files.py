@@ -101,7 +101,8 @@ class Files:
             text = raw.decode(_CODECS[coding])
         except UnicodeDecodeError as error:
             raise ValueError(f"is {shorten(name)}, {_encoding(raw, error.start)}") from None
-        self.texts[name], self.codings[name] = text, coding
+        self.texts[name] = text
+        self.codings[name] = "GBK" if coding == "GB 2312" else coding  # which holds all of it
         return text
 
     def _find(self, name: str) -> Path | None:

@@ -209,14 +209,20 @@ def test_an_export_loads_runs_and_is_read_step_for_step(
     assert run.halted == 0
 
 
+GUESS = " (a guess; if its comments look wrong, save it as UTF-8)"
+
+
 @pytest.mark.parametrize(
     ("content", "kind"),
     [
         (gx_works2(LINK), "exported by a programming tool (columns separated by tabs), UTF-16"),
-        (gx_developer(LINK), "exported by a programming tool (columns separated by commas), GB 2312"),
-        (gx_developer(START_STOP), "exported by a programming tool (columns separated by commas), Shift-JIS"),
+        (gx_developer(LINK), "exported by a programming tool (columns separated by commas), GBK" + GUESS),
+        (
+            gx_developer(START_STOP),
+            "exported by a programming tool (columns separated by commas), Shift-JIS" + GUESS,
+        ),
         (printed(JUMPS), "an instruction list, UTF-8"),
-        ("LD X0 ; ﾓｰﾀ\nOUT Y0\nEND".encode("cp932"), "an instruction list, Shift-JIS"),
+        ("LD X0 ; ﾓｰﾀ\nOUT Y0\nEND".encode("cp932"), "an instruction list, Shift-JIS" + GUESS),
     ],
 )
 def test_what_a_file_was_taken_for(tmp_path: Path, content: bytes, kind: str) -> None:
@@ -306,3 +312,8 @@ def test_any_text_is_a_program_or_has_located_mistakes(text: str) -> None:
 @settings(max_examples=100, deadline=None)
 def test_any_bytes_are_read_or_refused(tmp_path_factory: pytest.TempPathFactory, content: bytes) -> None:
     examine(scenario(tmp_path_factory.mktemp("bytes"), content))
+
+
+def test_an_empty_file_is_said_to_be_empty(tmp_path: Path) -> None:
+    problem = examine(scenario(tmp_path, b"\n")).errors[0]
+    assert "which is empty; expected a program that ends in END" in problem.message
