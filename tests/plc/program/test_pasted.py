@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from bussim.errors import ProgramError
 from bussim.plc.program.program import Program
 from tests.plc.program.rigs import problems
 
@@ -51,3 +52,37 @@ def test_nothing_behind_such_a_text_is_lost() -> None:
 )
 def test_what_other_makes_and_series_call_it(text: str, says: str) -> None:
     assert says in str(problems(f"LD X0\n{text}\nEND"))
+
+
+@pytest.mark.parametrize(
+    ("line", "operands"),
+    [
+        ("OUT Y000   KM1主接触器", "Y0"),
+        ("OUT T0 K5（0.5秒）", "T0 K5"),
+        ("OUT T0 SP K5 0.5秒", "T0 K5"),
+        ("OUT Y0【灯】", "Y0"),
+        ("OUT Y0<灯>", "Y0"),
+        ("OUT Y0 KM1(主接触器)", "Y0"),
+        ("OUT Y0 motor 1 主接触器", "Y0"),
+        ("OUT Y0 Y0灯", "Y0"),
+        ("MOV K1 D0计数", "K1 D0"),
+        ("OUT C0 K3 C0计数器", "C0 K3"),
+        ("AND< D0 K1 D0过小", "D0 K1"),
+        ("AND < D0 K1 D0过小", "D0 K1"),
+        ("OUT Y0 (램프)", "Y0"),
+    ],
+)
+def test_a_text_in_east_asian_letters_is_a_comment_wherever_it_begins(line: str, operands: str) -> None:
+    program = Program.parse(f"LD X0启动\n{line}\nOUT Y7\nEND程序结束", "p")
+    found = program.instructions[1].operands
+    assert [str(each.device) if each.kind != "K" else each.text for each in found] == (operands.split())
+    assert [each.name for each in program.instructions[2:]] == ["OUT", "END"]
+
+
+@pytest.mark.parametrize("line", ["OUT Y0 main contactor", "OUT Y0 KM1", "OUT T0 K5(0.5s)", "OUT Y0 X1"])
+def test_other_texts_are_asked_for_their_mark(line: str) -> None:
+    with pytest.raises(ProgramError, match="put ; in front of a comment"):
+        Program.parse(f"LD X0\n{line}\nEND", "p")
+    with pytest.raises(ProgramError) as caught:
+        Program.parse("LD X0\nMOV K1 D99999\nEND", "p")
+    assert "comment" not in str(caught.value)

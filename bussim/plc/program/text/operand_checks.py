@@ -53,7 +53,8 @@ def operand_problems(name: str, form: Form, operands: tuple[Operand, ...]) -> li
         wanted = f"{counted(len(slots), 'operand')} ({names})" if slots else "no operand"
         # The first one too many, or the mnemonic that misses some.
         at = len(slots) if len(operands) > len(slots) else -1
-        return [(at, f"{name} takes {wanted}, found {len(operands) or 'none'}")]
+        hint = "; put ; in front of a comment" if at >= 0 else ""
+        return [(at, f"{name} takes {wanted}, found {len(operands) or 'none'}{hint}")]
     found: list[tuple[int, str]] = []
     for number, (slot, operand) in enumerate(zip(slots, operands, strict=True)):
         message = _kind_problem(name, slot, operand) or _value_problem(name, form, slot, operand)

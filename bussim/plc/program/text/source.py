@@ -2,7 +2,7 @@
 
 A line is ``[step number] mnemonic operands``, separated by blanks, tabs or commas, or a label
 (``P0``), alone or in front of an instruction. Operands may also stand on lines of their own below their
-instruction, as programming tools print them. ``;``, ``//``, ``#`` and ``'`` begin a comment, as does a word
+instruction, as programming tools print them. ``;``, ``//``, ``#`` and ``'`` begin a comment, as does a text
 in Chinese, Japanese or Korean with no instruction behind it, and a line's first ``*``; ``(* … *)`` and
 ``/* … */`` hold one. Capitals or not, of full width or not makes no difference; between a device's letter
 and its number may be blanks (``X 0``), in front of a comparison's sign too (``LD = D0 K1``), behind it none
@@ -21,12 +21,13 @@ from typing import NamedTuple
 
 from bussim.errors import Problem
 from bussim.plc.memory import Family
-from bussim.plc.program.text.catalog import FORMS, LABEL, Form, Instruction, Spec, steps_of
+from bussim.plc.program.text.catalog import FORMS, LABEL, Form, Instruction, steps_of
 from bussim.plc.program.text.numbering import Printed, misnumbered
 from bussim.plc.program.text.operand_checks import operand_problems, slots_of
 from bussim.plc.program.text.operands import Operand, parse_operand
-from bussim.plc.program.text.unsimulated import SKIPPED, effect_of, effect_of_operands, stand_in
-from bussim.wording import nearest, shorten
+from bussim.plc.program.text.unknown import unknown
+from bussim.plc.program.text.unsimulated import SKIP, SKIPPED, effect_of, effect_of_operands, stand_in
+from bussim.wording import shorten
 
 #: Largest program that is read: the FX's 16 000 steps with room for comments.
 MAX_CHARACTERS = 1_000_000
@@ -52,31 +53,11 @@ _OPERAND = re.compile(
     r"(?:(?:K[0-9]+)?(?:[XYMSTCDRPNLBWF]|S[MDBW]|ZR)[0-9]+|K[+-]?[0-9]+|H|E[+-]?[0-9]+|V|Z)[0-9.A-F]*(?:[VZ][0-9]*)?|\".*\"|U[0-9]\\G[0-9]+",
     re.ASCII | re.IGNORECASE,
 )
-#: The first word of a text in Chinese, Japanese or Korean, in brackets or not: no device has such letters.
-_EAST_ASIAN = re.compile("[(\\[{<《「【〈]?[\u3040-\u30ff\u3400-\u9fff\uac00-\ud7af\uff66-\uff9f]")
-#: Names that others give to instructions.
-_ELSEWHERE = {
-    **dict.fromkeys(("TMR", "CNT", "TIM", "ST", "="), "OUT"),
-    **dict.fromkeys(("LDN", "LDNOT", "STR"), "LDI"),
-    **dict.fromkeys(("ANDI", "ANDN", "AN"), "ANI"),
-    **dict.fromkeys(("ORN", "ON"), "ORI"),
-    "A": "AND",
-    "O": "OR",
-    "NOT": "INV",
-    "JMP": "CJ",
-    "S": "SET",
-    "R": "RST",
-}
-_SKIP = "--allow-unsimulated (allow_unsimulated: true) skips it"
+#: A bracket that is not closed yet, or a < right in front of a text.
+_OPENED = re.compile(r"[(\[{《「【〈][^)\]}》」】〉]*$|<$")
+#: The first letter of a text in Chinese, Japanese or Korean: no device has such letters.
+_EAST_ASIAN = re.compile("[\u3040-\u30ff\u3400-\u9fff\uac00-\ud7af\uff66-\uff9f]")
 _FULL_WIDTH = {0xFF01 + at: 0x21 + at for at in range(94)} | {0x3000: 0x20}
-#: What most lines of most programs begin with, from the commonest on: of two that are as like a mistake as
-#: each other the earlier one is meant.
-_COMMON_NAMES = """
-    LD LDI AND ANI OR ORI OUT SET RST MOV END LDP LDF ANDP ANDF ORP ORF ANB ORB MPS MRD MPP PLS PLF
-    INV MOVP DMOV BMOV FMOV ADD SUB MUL DIV INC INCP DEC DECP CMP ZCP CJ CALL FEND SRET NOP CPAVL
-    RS2
-"""
-_COMMON = _COMMON_NAMES.split()
 
 
 class _Word(NamedTuple):
@@ -176,10 +157,7 @@ class Source:
         return _COMMENT.sub(blank, text)
 
     def _line(self, number: int, line: str) -> None:
-        steps, found = 0, _joined(number, line)
-        text = next((at for at, word in enumerate(found) if _EAST_ASIAN.match(word.text)), len(found))
-        if not any(word.text.upper() in FORMS for word in found[text:]):
-            found = found[:text]  # the rest is a comment without its mark
+        steps, found = 0, _without_text(number, line)
         for words in _statements(found):
             head = words[0]
             if not _STEP.fullmatch(head.text):
@@ -242,7 +220,7 @@ class Source:
                 rest = [head._replace(text="M8000")]
         self._statement = _Statement(name, head, form, rest)
         if form is None:
-            self._wrong(head.line, head.column, _unknown(head.text))
+            self._wrong(head.line, head.column, unknown(head.text))
             self.gaps.add(len(self.instructions))
 
     def _finish(self) -> None:
@@ -256,7 +234,7 @@ class Source:
             form = replace(form, spec=replace(SKIPPED, steps=1 + 2 * len(words)))
             words = []
         before = len(self.problems)
-        operands = tuple(self._operands(words))
+        operands = self._operands(form, words)
         found = effect_of_operands(name, operands, self._family) if len(self.problems) == before else None
         if found is not None:
             name, form, operands = self._leave_out(head, found, form, operands)
@@ -285,18 +263,45 @@ class Source:
         """What stands for one whose operands are not simulated; without ``skip`` it is a mistake."""
         what, effect = found
         if not self._skip:
-            self._wrong(head.line, head.column, f"{what}, which is not simulated; {_SKIP}: {effect}")
+            self._wrong(head.line, head.column, f"{what}, which is not simulated; {SKIP}: {effect}")
         else:
             message = f"{what}: it is skipped, as it is not simulated: {effect}"
             self.warnings.append(Problem(self.name, head.line, head.column, message))
         return SKIPPED.name, Form(replace(SKIPPED, steps=steps_of(form, operands))), ()
 
-    def _operands(self, words: list[_Word]) -> Iterator[Operand]:
-        for word in words:
+    def _operands(self, form: Form, words: list[_Word]) -> tuple[Operand, ...]:
+        found: list[Operand] = []
+        for at, word in enumerate(words):
             try:
-                yield parse_operand(word.text, word.column, family=self._family)
+                found.append(parse_operand(word.text, word.column, family=self._family))
             except ValueError as error:
-                self._wrong(word.line, word.column, str(error))
+                more = form.spec is not SKIPPED and at >= len(slots_of(form, tuple(found)))
+                hint = "; put ; in front of a comment" if more or re.search(r"[(\[{<]", word.text) else ""
+                self._wrong(word.line, word.column, f"{error}{hint}")
+        return tuple(found)
+
+
+def _without_text(number: int, line: str) -> list[_Word]:
+    """The words of a line up to a comment without its mark, a text in Chinese, Japanese or Korean.
+
+    It begins behind an instruction's last operand, or else with the text or the bracket around it.
+    """
+    text = _EAST_ASIAN.search(line)
+    if text is None or any(word.upper() in FORMS for word in _TOKEN.findall(line[text.start() :])):
+        return _joined(number, line)
+    opened = _OPENED.search(line[: text.start()])
+    words = _joined(number, line[: (opened or text).start()])
+    names = [at for at, word in enumerate(words) if word.text.upper() in FORMS]
+    if not names:
+        return words
+    (_, *operands), name = words[names[-1] :], words[names[-1]].text.upper()
+    if operands and operands[0].text in _SIGNS:
+        name += operands.pop(0).text
+    operands = [word for word in operands if word.text.upper() != "SP"]
+    for at, word in enumerate(operands):
+        if not _Statement(name, word, FORMS.get(name), operands[:at]).takes(word):
+            return words[: words.index(word)]
+    return words
 
 
 def _joined(number: int, line: str) -> list[_Word]:
@@ -342,43 +347,3 @@ def _statements(words: list[_Word]) -> Iterator[list[_Word]]:
             head, form = at, FORMS.get(name)
     if words:
         yield words[begun:]
-
-
-def _unknown(word: str) -> str:
-    shown = shorten(repr(word))
-    upper = word.upper()
-    if effect := effect_of(upper):
-        return f"{shown} is an FX3 instruction that is not simulated; {_SKIP}: {effect}"
-    # A known instruction in a form that it does not have says more than the nearest name.
-    for base in (
-        upper,
-        upper.removesuffix("P"),
-        upper.removeprefix("D"),
-        upper.removeprefix("D").removesuffix("P"),
-    ):
-        if base in FORMS and base != upper and not FORMS[base].wide:
-            return f"{shown}: {base} has {_forms(FORMS[base].spec)}"
-    near = _ELSEWHERE.get(upper) or _nearest(upper)
-    if near is not None:
-        return f"{shown} is no instruction; did you mean {near}?"
-    return f"{shown} is no instruction"
-
-
-def _nearest(upper: str) -> str | None:
-    """The instruction that was meant: with its letters swapped, a common one, else any that is very like."""
-    letters = sorted(upper)
-    swapped = next((name for name in _COMMON if sorted(name) == letters), None)
-    return swapped or nearest(upper, _COMMON) or nearest(upper, list(FORMS), cutoff=0.75)
-
-
-def _forms(spec: Spec) -> str:
-    wide = spec.wide_name or f"D{spec.name}"
-    match spec.forms:
-        case "":
-            return "neither a P (pulse) nor a D (32-bit) form"
-        case "P":
-            return f"the forms {spec.name} and {spec.name}P only"
-        case "D":
-            return f"the forms {spec.name} and {wide} only"
-        case _:
-            return f"the forms {spec.name}, {spec.name}P, {wide} and {wide}P"

@@ -13,6 +13,7 @@ from bussim.plc.program.text.catalog import FORMS, SPECS, Form, LadderRole, Spec
 from bussim.plc.program.text.operand_checks import FIRST_FAST_COUNTER
 from bussim.plc.program.text.operands import Operand
 
+SKIP = "--allow-unsimulated (allow_unsimulated: true) skips it"
 #: Stands for an output that is skipped.
 SKIPPED = Spec("(skipped)", LadderRole.OUTPUT)
 #: What they would do, and their names.

@@ -1,0 +1,70 @@
+"""What is said of a word that is no instruction: what was probably meant."""
+
+from __future__ import annotations
+
+from bussim.plc.program.text.catalog import FORMS, Spec
+from bussim.plc.program.text.unsimulated import SKIP, effect_of
+from bussim.wording import nearest, shorten
+
+#: Names that others give to instructions.
+_ELSEWHERE = {
+    **dict.fromkeys(("TMR", "CNT", "TIM", "ST", "="), "OUT"),
+    **dict.fromkeys(("LDN", "LDNOT", "STR"), "LDI"),
+    **dict.fromkeys(("ANDI", "ANDN", "AN"), "ANI"),
+    **dict.fromkeys(("ORN", "ON"), "ORI"),
+    "A": "AND",
+    "O": "OR",
+    "NOT": "INV",
+    "JMP": "CJ",
+    "S": "SET",
+    "R": "RST",
+}
+#: What most lines of most programs begin with, from the commonest on: of two that are as like a mistake as
+#: each other the earlier one is meant.
+_COMMON_NAMES = """
+    LD LDI AND ANI OR ORI OUT SET RST MOV END LDP LDF ANDP ANDF ORP ORF ANB ORB MPS MRD MPP PLS PLF
+    INV MOVP DMOV BMOV FMOV ADD SUB MUL DIV INC INCP DEC DECP CMP ZCP CJ CALL FEND SRET NOP CPAVL
+    RS2
+"""
+_COMMON = _COMMON_NAMES.split()
+
+
+def unknown(word: str) -> str:
+    """Why a word is no instruction here, and which one may be meant."""
+    shown = shorten(repr(word))
+    upper = word.upper()
+    if effect := effect_of(upper):
+        return f"{shown} is an FX3 instruction that is not simulated; {SKIP}: {effect}"
+    # A known instruction in a form that it does not have says more than the nearest name.
+    for base in (
+        upper,
+        upper.removesuffix("P"),
+        upper.removeprefix("D"),
+        upper.removeprefix("D").removesuffix("P"),
+    ):
+        if base in FORMS and base != upper and not FORMS[base].wide:
+            return f"{shown}: {base} has {_forms(FORMS[base].spec)}"
+    near = _ELSEWHERE.get(upper) or _nearest(upper)
+    if near is not None:
+        return f"{shown} is no instruction; did you mean {near}?"
+    return f"{shown} is no instruction"
+
+
+def _nearest(upper: str) -> str | None:
+    """The instruction that was meant: with its letters swapped, a common one, else any that is very like."""
+    letters = sorted(upper)
+    swapped = next((name for name in _COMMON if sorted(name) == letters), None)
+    return swapped or nearest(upper, _COMMON) or nearest(upper, list(FORMS), cutoff=0.75)
+
+
+def _forms(spec: Spec) -> str:
+    wide = spec.wide_name or f"D{spec.name}"
+    match spec.forms:
+        case "":
+            return "neither a P (pulse) nor a D (32-bit) form"
+        case "P":
+            return f"the forms {spec.name} and {spec.name}P only"
+        case "D":
+            return f"the forms {spec.name} and {wide} only"
+        case _:
+            return f"the forms {spec.name}, {spec.name}P, {wide} and {wide}P"
