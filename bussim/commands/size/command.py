@@ -86,6 +86,9 @@ def command(
             ber=ber,
             overrides=overrides,
         )
+        for text in loaded.warnings:
+            if text.startswith("plcs.master.scan "):  # each PLC has the same
+                click.echo(f"warning: {text.replace('plcs.master.scan', '--scan', 1)}", err=True)
     show_carried(loaded, err=as_json)
     models = from_scenario(loaded, ignore_faults=True, bound_end=True)
     if not models:

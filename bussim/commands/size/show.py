@@ -77,7 +77,7 @@ def show_sizing(console: Console, bus: str, sizing: Sizing, verifications: Seque
         if text:
             line(text)
     if best:
-        _show_front(console, sizing.front, sizing.goals.errors)
+        _show_front(console, sizing, best)
     for verdict in verifications:
         line(verdict.in_words())
     line("what the figures rest on:")
@@ -121,13 +121,15 @@ def _show_noise_levels(console: Console, noise_levels: NoiseLevels, goal: float)
     console.print(table)
 
 
-def _show_front(console: Console, front: Sequence[Choice], goal: float) -> None:
+def _show_front(console: Console, sizing: Sizing, best: Choice) -> None:
+    front, goal = sizing.front, sizing.goals.errors
     table = plain_table(
         (),
         ("D8179", "D8180", "attempts", "false errors a year", "scan, one dead", "noticed after"),
         title="settings that no other beats in all three (Pareto front)",
     )
-    for choice in front[:_MOST]:
+    shown = [choice for place, choice in enumerate(front) if place < _MOST or choice == best]
+    for choice in shown:
         table.add_row(
             str(choice.retries),
             str(choice.d8180),
@@ -137,8 +139,10 @@ def _show_front(console: Console, front: Sequence[Choice], goal: float) -> None:
             ms_at_most(choice.detect),
         )
     console.print(table)
-    if len(front) > _MOST:
-        console.print(Text(f"  … and {len(front) - _MOST} more (--json has all)"))
+    if len(front) > len(shown):
+        console.print(Text(f"  … and {len(front) - len(shown)} more (--json has all)"))
+    if sizing.front_longer:
+        console.print(Text(f"  … and {sizing.front_longer:,} more above 1 s, which are left out"))
 
 
 def _ms(ticks: float) -> str:

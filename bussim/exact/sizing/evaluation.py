@@ -182,10 +182,12 @@ def noise_views(model: LinkModel) -> tuple[LinkModel, ...]:
 
     What is entered is never known to a factor, so the level ``bad`` counts beside it, as it stands for noise
     that is not known at all: entering some noise, or more, never leads to fewer attempts, and never meets a
-    goal that was refused. Stronger bursts may cause fewer errors than weaker ones: of these, the worst counts
+    goal for errors, a dead station or an interruption that was refused.
+    Stronger bursts may cause fewer errors than weaker ones: of these, the worst counts
     (:func:`~bussim.exact.sizing.noise_levels.weaker_bursts`), at eight levels a decade, between which errors
     may be up to 5 % more. Means rise with the noise. Heartbeats and the chance of a scan over a deadline are
-    judged with the bursts as entered; weaker ones had up to twice as many such scans.
+    judged with the bursts as entered; weaker ones had up to twice as many such scans. So without bursts no
+    such goal that was refused is met with more noise; stronger bursts may meet one that weaker ones did not.
     """
     bad = with_level(model, LEVELS[BAD])
     return (model, bad) if model.noisy else (bad,)

@@ -54,10 +54,11 @@ class Sizing:
     """A recommendation for one link, or why there is none.
 
     ``floor`` is the least timeout considered (ticks). ``noise_levels`` is there where the link has no
-    noise. ``front`` are the settings that no other one beats in errors, scan with one dead and detection
-    together. ``margins`` say what more noise does to the recommended setting, ``assumptions`` what it rests
-    on, what changes it most first, ``otherwise`` what would meet the goals, where none does, if an assumption
-    did not hold. ``checked`` has the grid.
+    noise. ``front`` are the recommended setting and those that no other one beats in errors, scan with one
+    dead and detection together; ``front_longer`` more of them have scans of over a second and are left out.
+    ``margins`` say what more noise does to the recommended setting, ``assumptions`` what it rests on, what
+    changes it most first, ``otherwise`` what would meet the goals, where none does, if an assumption did not
+    hold. ``checked`` has the grid.
     """
 
     model: LinkModel
@@ -68,6 +69,7 @@ class Sizing:
     recommended: Choice | None = None
     robust: Robust | None = None
     front: tuple[Choice, ...] = ()
+    front_longer: int = 0
     unmet: tuple[Unmet, ...] = ()
     robust_unmet: tuple[str, ...] = ()
     noise_levels: NoiseLevels | None = None
@@ -167,6 +169,7 @@ class Sizing:
             "robust_unmet": list(self.robust_unmet),
             "apart": self.apart(),
             "pareto": [choice.to_json() for choice in self.front],
+            "pareto_above_1_s": self.front_longer,
             "unmet": [unmet.to_json() for unmet in self.unmet],
             "ladder": None if self.noise_levels is None else self.noise_levels.to_json(),
             "margins": [margin.to_json() for margin in self.margins],
@@ -203,6 +206,7 @@ def size(model: LinkModel, goals: Goals | None = None) -> Sizing:
     unmet: tuple[Unmet, ...] = ()
     if recommended is None:
         unmet = unmet_goals(model, goals, checked)
+    front, longer = _front(checked, model.reading, recommended)
     noise_levels = None
     if not model.noisy:
         timeout = recommended.timeout if recommended else checked.grid.timeouts[0]
@@ -215,7 +219,8 @@ def size(model: LinkModel, goals: Goals | None = None) -> Sizing:
         floor=floor,
         recommended=recommended,
         robust=robust,
-        front=_front(checked, model.reading),
+        front=front,
+        front_longer=longer,
         unmet=unmet,
         robust_unmet=why_not,
         noise_levels=noise_levels,
@@ -246,12 +251,12 @@ def _robust(views: dict[AbsentStation, Checked]) -> tuple[Robust | None, tuple[s
     return None, failing or ("each reading has settings that meet the goals, but no setting does under all",)
 
 
-def _front(checked: Checked, reading: Attempts) -> tuple[Choice, ...]:
+def _front(checked: Checked, reading: Attempts, recommended: Choice | None) -> tuple[tuple[Choice, ...], int]:
     """The settings that no other beats in errors, scan with one dead and detection, shortest scan first.
 
     Errors are compared by their chance in a scan; within a quarter they count as equal. Of settings with the
-    same attempts (D8179 0 and 1, read as exactly D8179) the lower one stands. Scans of over a second are no
-    choice, but the shortest.
+    same attempts (D8179 0 and 1, read as exactly D8179) the lower one stands. Scans of over a second are only
+    counted, but for the shortest and the recommended setting, which is always there.
     """
     grid = checked.grid
     rows = {attempts_per_poll(reading, r): r for r in range(MAX_RETRIES, -1, -1)}
@@ -263,12 +268,15 @@ def _front(checked: Checked, reading: Attempts) -> tuple[Choice, ...]:
             points.append((tuple(float(values[i, j]) for values in figures), retries, grid.timeouts[j]))
     points.sort()
     front: list[Choice] = []
+    longer = 0
     best: list[tuple[float, float]] = []  # (detect, errors) of the front so far
     for (dead, detect, errors), retries, timeout in points:
-        if front and dead > _LONGEST:
-            break
-        if any(d <= detect and e <= _EQUAL * errors for d, e in best):
+        wanted = recommended is not None and (retries, timeout) == (recommended.retries, recommended.timeout)
+        if not wanted and any(d <= detect and e <= _EQUAL * errors for d, e in best):
             continue
         best.append((detect, errors))
-        front.append(choice_of(grid, reading, retries, timeout))
-    return tuple(front)
+        if front and dead > _LONGEST and not wanted:
+            longer += 1
+        else:
+            front.append(choice_of(grid, reading, retries, timeout))
+    return tuple(front), longer

@@ -17,7 +17,8 @@ from bussim.exact.scan.outages import longest_scan
 from bussim.exact.sizing.evaluation import Checked, Mask, evaluate_goals, least, rows_of
 from bussim.exact.sizing.goals import Goals, Rate
 from bussim.exact.sizing.noise_levels import scaled_noise
-from bussim.exact.text import at_least, at_most
+from bussim.exact.solve import Solved
+from bussim.exact.text import at_least, at_most, ms_at_most
 from bussim.plc.profiles import MAX_RETRIES
 from bussim.units import TICKS_PER_MS, UNIT_TICKS
 from bussim.wording import about
@@ -28,6 +29,8 @@ _UNITS = {"scan": TICKS_PER_MS, "heartbeat": 10 * TICKS_PER_MS}  # of deadlines 
 _FURTHER = (1.1, 1.25, 1.5, 2, 3, 5, 10)
 #: So many combinations of changes are searched for, of so many changes each at most.
 _COMBINATIONS, _CHANGES = 4, 3
+#: A probability of a scan over a deadline from which on it tells nothing.
+_HOPELESS = 0.99
 
 
 class Changed(NamedTuple):
@@ -116,8 +119,23 @@ def _best(checked: Checked, index: list[int], name: str, among: Mask) -> str:
         return f"each setting misses it {about(at_least(bound))} times a year or more"
     value, row, column = found
     shown = checked.goals.figure(name, value)
+    if name == "scan" and value > _HOPELESS:
+        least_one = _deadline(checked, index, among)
+        return f"practically every scan takes longer; the least deadline that does is {least_one}"
     attempts = checked.grid.attempts[index[row]]
     return f"the best is {shown} (attempts {attempts}, D8180 {checked.grid.timeouts[column] // TIMEOUT_UNIT})"
+
+
+def _deadline(checked: Checked, index: list[int], among: Mask) -> str:
+    """The least deadline that some setting keeps as seldom exceeded as is wanted, rounded up, with it."""
+    chance = (checked.goals.scan or (0, 1.0))[1]
+    found = []
+    for row, column in _shortest(index, among):
+        setting = checked.grid.attempts[row], checked.grid.timeouts[column]
+        views = (view.with_setting(*setting) for view in checked.views)
+        found.append((max(Solved(view).distribution.quantile(chance) for view in views), *setting))
+    time, attempts, timeout = min(found)
+    return f"{ms_at_most(time)} (attempts {attempts}, D8180 {timeout // TIMEOUT_UNIT})"
 
 
 # -- what would help ------------------------------------------------------------------------------

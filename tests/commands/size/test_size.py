@@ -328,3 +328,8 @@ def test_a_time_of_many_ms_is_shown_in_seconds(packing: str) -> None:
     said = printed(packing, *goals("heartbeat=100000ms@1/y", "scan<=12345ms@0.1"))
     assert "a heartbeat of 100 s missed" in said
     assert "a scan over 12.345 s with" in said
+
+
+def test_a_plc_scan_far_from_what_is_usual_is_asked_about() -> None:
+    said = CliRunner().invoke(size, ["--stations", "2", "--scan", "6s"]).output
+    assert "warning: --scan is 6s, but a PLC's scan is usually 100 us to 200 ms; did you mean 6 ms?" in said

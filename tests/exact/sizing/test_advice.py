@@ -30,6 +30,7 @@ from bussim.exact.sizing.unmet_goals import (
     unmet_goals,
     with_mode,
 )
+from bussim.exact.solve import Solved
 from bussim.exact.text import a_year, at_least, at_most, ms_at_least, ms_at_most
 from bussim.plc.profiles import AbsentStation, Attempts, Turnaround
 from tests.exact.links import FULL, MS, PROBE, change, link, with_burst
@@ -306,6 +307,14 @@ def printed_figures_are_safe(model: LinkModel, goals: Goals, unmet: Unmet) -> No
         assert goals.heartbeat is not None
         assert float(hopeless[1].replace(",", "")) > goals.heartbeat[1]
         said.insert(unmet.goals.index("heartbeat"), (hopeless[1], "0", "0"))
+    every = re.search(r"least deadline that does is ([\d,]+) ms \(attempts (\d+), D8180 (\d+)\)", unmet.text)
+    if every is not None:
+        assert goals.scan is not None
+        deadline_had = int(every[1].replace(",", "")) * MS
+        for view in noise_views(model):
+            chosen = view.with_setting(int(every[2]), int(every[3]) * TIMEOUT_UNIT)
+            assert float(Solved(chosen).distribution.tail(float(deadline_had))) <= goals.scan[1]
+        said.insert(unmet.goals.index("scan"), ("0", "0", "0"))
     shortest = evaluate_goals(model, goals).grid.timeouts[0]
     for name, (text, attempts, d8180) in zip(unmet.goals, said, strict=True):
         setting, views = (int(attempts), int(d8180) * TIMEOUT_UNIT), noise_views(model)
@@ -405,6 +414,18 @@ def test_goals_are_kept_conflicts_minimal_and_changes_tried(
 @given(model=links(), texts=goal_texts())
 def test_goals_conflicts_and_changes_of_many_links(model: LinkModel, texts: list[str], ber: float) -> None:
     advice_holds(with_rate((model, "bus", None), ber), texts)
+
+
+def test_a_deadline_that_every_scan_exceeds_has_the_least_that_does_beside_it() -> None:
+    model, goals = link(2), goals_of(["scan<=5ms@1e-06"])
+    (unmet,) = unmet_goals(model, goals, evaluate_goals(model, goals))
+    assert "practically every scan takes longer" in unmet.text
+    printed_figures_are_safe(model, goals, unmet)
+    found = re.search(r"that does is (\d+) ms", unmet.text)
+    assert found is not None
+    checked = evaluate_goals(model, goals_of([f"scan<={int(found[1]) - 1}ms@1e-06"]))
+    assert not checked.met["scan"].any()
+    assert evaluate_goals(model, goals_of([f"scan<={found[1]}ms@1e-06"])).met["scan"].any()
 
 
 # -- figures on the safe side ------------------------------------------------------------------------

@@ -197,6 +197,17 @@ def test_no_setting_beats_one_of_the_front(model: LinkModel) -> None:
     assert len(sizing.front) >= 5
 
 
+def test_the_front_has_the_recommended_setting_and_counts_what_is_above_a_second() -> None:
+    sizing = size(link(7), Goals(ride=1_000 * MS))
+    best = sizing.recommended
+    assert best is not None
+    assert best.dead > 1_000 * MS
+    assert best in sizing.front
+    assert all(choice.dead <= 1_000 * MS or choice == best for choice in sizing.front)
+    assert size(change(link(3), 1, scan=200 * MS)).front_longer > 0
+    assert sizing.to_json()["pareto_above_1_s"] == sizing.front_longer
+
+
 # -- heartbeat ---------------------------------------------------------------------------------------
 
 
