@@ -41,7 +41,7 @@ def test_false_errors_a_year_are_no_powers_of_ten() -> None:
     spans = {"no_error_ms": {"min": 50.2, "max": 50.6}, "quantiles_ms": {"1e-3": 102.2}}
     noticed = {"detect_ms": {"mean": 205.2, "max": 241.2}, "ride_through_ms": {"silence": 104.4}}
     for rate, text in ((116.889, "120"), (0.04, "0.04"), (3456.0, "3,500"), (0.0, "0"), (None, "–")):
-        figures = {**times, **spans, **noticed, "false_error_onsets_per_year": rate}
+        figures = {**times, **spans, **noticed, "false_error_onsets_per_year": rate, "stations_dead": []}
         rows = dict(tables.exact_figures("link", ExactDistribution(figures)).rows)
         assert [cell.text for cell in rows["false station errors begin, a year"]] == [text]
 

@@ -327,13 +327,13 @@ def test_a_deaf_slave_has_valid_json() -> None:
 
 @pytest.mark.slow
 def test_bursts_in_which_alone_frames_arrive_have_a_mean_and_a_bound() -> None:
-    found = link(exact, str(Path(__file__).parents[1] / "exact" / "cases" / "nothing_arrives.yaml"))
+    found = link(exact, str(Path(__file__).parents[2] / "exact" / "cases" / "nothing_arrives.yaml"))
     gaps = found["refresh_gap_ms"]
     assert all(gap["mean"] > 1e6 and gap["1e-3"] is None for gap in gaps.values())  # type: ignore[attr-defined]
 
 
 def test_a_death_is_noticed_within_the_longest_scan() -> None:
-    case = Path(__file__).parents[1] / "exact" / "cases" / "one_attempt_replies_lost.yaml"
+    case = Path(__file__).parents[2] / "exact" / "cases" / "one_attempt_replies_lost.yaml"
     found = link(exact, str(case), "--q", "0.1,0.01")["detect_ms"]
     assert found == {
         "mean": pytest.approx(36.14, abs=0.05),

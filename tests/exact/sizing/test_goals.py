@@ -76,13 +76,13 @@ def test_what_is_not(text: str, message: str) -> None:
 
 def test_goals_are_shown_as_they_were_given() -> None:
     goals = Goals()
-    for text in ("errors<=1/d", "onsets<=0.5/h", "scan<=150.5ms@2e-05", "ride>=20ms", "heartbeat=1000ms@3/d"):
+    for text in ("errors<=1/d", "onsets<=0.5/h", "scan<=150.5ms@2e-05", "ride>=20ms", "heartbeat=1s@3/d"):
         goals = goals.with_text(text)
         assert text in goals.forms().values()
     texts = goals.texts()
     assert texts["errors"] == "false station errors: at most 1 a day"
     assert texts["onsets"] == "false station errors that begin: at most 0.5 an hour"
-    assert texts["heartbeat"] == "a heartbeat of 1000 ms missed at most 3 times a day"
+    assert texts["heartbeat"] == "a heartbeat of 1 s missed at most 3 times a day"
     assert "ride" not in Goals(ride=0).texts()
 
 
