@@ -155,12 +155,16 @@ def link_of(member: Member, members: Sequence[Member]) -> dict[int, Member]:
     return {other.station: other for other in reversed(on_link)} if member.takes_part else {}
 
 
-def blocks_of(member: Member, members: Sequence[Member]) -> dict[int, BlockRange]:
-    """Where a PLC keeps the blocks of its link's stations, by station; none without a working master."""
+def blocks_of(member: Member, members: Sequence[Member], mode: int | None = None) -> dict[int, BlockRange]:
+    """Where a PLC keeps the blocks of its link's stations, by station; none without a working master.
+
+    In the master's refresh mode, or in ``mode``.
+    """
     master = link_of(member, members).get(0)
     if master is None or master.refused or member.refused:
         return {}
-    block, spacing = MODES[master.settings[D_MODE]], member.profile.word_spacing
+    block = MODES[master.settings[D_MODE] if mode is None else mode]
+    spacing = member.profile.word_spacing
     stations = sorted({*range(master.settings[D_SLAVES] + 1), member.station})
     return {station: block_range(station, block.bits, block.words, spacing) for station in stations}
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from bussim.errors import Problem
-from bussim.plc.link_registers import TAKE_PART
+from bussim.plc.link_registers import D_MODE, TAKE_PART
 from bussim.plc.memory import BlockRange, Device, parse_device
 from bussim.scenario.resolve.members import KEYS_OF_DEVICES, Member
 from bussim.scenario.resolve.scenario import Resolved
@@ -42,6 +42,7 @@ def check_programs(resolved: Resolved, report: Report) -> None:
         _check_ports(member, report)
         _check_writes(member, members, report)
         _check_rungs(program, member, members, report)
+        _check_unshared(program, member, members, report)
     if total > MAX_PROGRAMS:
         report.mistake(
             ("plcs",),
@@ -257,6 +258,37 @@ def _taken_while_away(
                 if part is not None:
                     taken.setdefault(at, Device(*part[:2]))
     return list(taken.items())
+
+
+def _check_unshared(program: Program, member: Member, members: list[Member], report: Report) -> None:
+    """What only check says: bits that only a larger refresh mode of the family shares.
+
+    What the program both writes and reads is its own, as words there may well be; another port's may be
+    what it does not.
+    """
+    from bussim.plc.program.text.operand_checks import extents
+
+    shared = {} if member.ports else blocks_of(member, members)
+    larger = [blocks_of(member, members, mode) for mode in sorted(member.profile.modes)]
+    touched = (
+        [(at, each) for at in program.instructions for each in extents(at) if not each.word] if shared else []
+    )
+    found: dict[Instruction, tuple[str, Device]] = {}
+    for at, extent in touched:
+        parts = [part for blocks in larger for each in blocks.values() if (part := _shared(extent, each))]
+        if not parts or any(_shared(extent, block) for block in shared.values()):
+            continue
+        device = Device(*parts[0][:2])
+        if not any(
+            other.writes is not extent.writes and other.holds(*parts[0][:2], word=extent.word)
+            for _, other in touched
+        ):
+            found.setdefault(at, ("writes" if extent.writes else "takes", device))
+    for at, (does, device) in [*found.items()][:1]:
+        also = "".join(f"; also {other} at line {each.line}" for each, (_, other) in [*found.items()][1:5])
+        mode = link_of(member, members)[0].settings[D_MODE]
+        text = f"{at.name} {does} {device}, which refresh mode {mode} does not share: it is not sent{also}"
+        _warn_at(member, at, text, report, in_runs=False)
 
 
 def _station(number: int, link: Mapping[int, Member]) -> str:
