@@ -41,9 +41,9 @@ def stale_of(scenario: Scenario) -> dict[tuple[str, str], list[Span]]:
 
 
 def first_end(watched: dict[str, Watched], again: int) -> int:
-    """The press's first END after a dip: D0, which is general, shows its 0 there."""
-    ticks = watched["press.D0"].ticks
-    return ticks[bisect_right(ticks, again)]
+    """The press's first END after a dip, at which the first of its devices changes after the return."""
+    press = [each.ticks for each in watched.values() if each.plc == "press"]
+    return min(tick for ticks in press for tick in ticks[bisect_right(ticks, again) :][:1])
 
 
 def received(done: Done, source: int, receiver: int, since: int) -> int:
