@@ -63,7 +63,7 @@ class Watch:
             if record.kind in (IN_RUN, LEFT_RUN) and record.where in self._supply:
                 spans = self._supply[record.where]
                 (spans.on if record.text == WITHOUT_SUPPLY else spans.off)(0, record.tick)
-        elif isinstance(record, DeviceValueRecord):
+        if isinstance(record, DeviceValueRecord):
             found = self._by_name.get((record.plc, record.device))
             if found is not None:
                 found.ticks.append(record.tick)

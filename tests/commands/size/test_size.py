@@ -189,6 +189,7 @@ def test_a_dead_station_is_no_false_error_of_the_check() -> None:
     assert found["verify"][0]["station_errors"] == 0  # type: ignore[index]
 
 
+@pytest.mark.slow
 def test_a_refusal_says_which_assumption_would_change_it() -> None:
     found = sized("electrical_noise", *goals("dead<=200ms"))
     assert found["otherwise"] == [

@@ -105,6 +105,7 @@ def test_without_noise_the_longest_is_the_quantile_of_never() -> None:
     assert float(np.trapezoid(found.tail(x), x)) == pytest.approx(found.mean, rel=1e-5)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=25)
 @given(
     st.integers(1, 4),

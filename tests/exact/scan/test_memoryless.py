@@ -230,6 +230,7 @@ links = st.builds(
 )
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=60)
 @given(links)
 def test_properties_of_any_link(model: LinkModel) -> None:
@@ -256,6 +257,7 @@ def test_properties_of_any_link(model: LinkModel) -> None:
         assert distribution.tail(at - 0.1) >= q * (1 - 1e-3)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=80)
 @given(
     st.integers(1, 3),

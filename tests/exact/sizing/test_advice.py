@@ -101,6 +101,7 @@ def attempts_never_fall(line: tuple[LinkModel, str, int | None], rates: list[flo
         attempts = now
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=10)
 @given(noisy())
 def test_more_noise_never_means_fewer_attempts(line: tuple[LinkModel, str, int | None]) -> None:
@@ -199,6 +200,7 @@ def refused_stays_refused(
         before = checked
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("absent", [FULL, PROBE])
 @pytest.mark.parametrize(
     "texts",
@@ -398,6 +400,7 @@ def simple_change(model: LinkModel, goals: Goals) -> bool:
     return False
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=12)
 @given(links(), goal_texts(), st.sampled_from([0.0, 1e-6, 2e-5, 3e-4]))
 def test_goals_are_kept_conflicts_minimal_and_changes_tried(

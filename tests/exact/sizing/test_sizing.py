@@ -43,6 +43,7 @@ def worst(model: LinkModel, attempts: int, timeout: int) -> dict[str, float]:
     return found
 
 
+@pytest.mark.slow
 def test_the_recommended_setting_meets_the_goals_and_nothing_less_does() -> None:
     model = link(7, ber=1e-5)
     goals = Goals(errors=1.0, ride=60 * MS)
@@ -179,6 +180,7 @@ def test_the_other_reading_has_its_own_recommendation() -> None:
 # -- the front ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", [link(4, ber=3e-5), with_burst(link(3, ber=1e-6), 10_000, 40, 0, 5e-3)])
 def test_no_setting_beats_one_of_the_front(model: LinkModel) -> None:
     sizing = size(model)
@@ -249,6 +251,7 @@ def test_heartbeats_with_bursts_are_evaluated_for_some_timeouts() -> None:
 # -- what cannot be met ------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_goal_that_fails_alone_is_named_with_its_best() -> None:
     sizing = size(link(7, ber=1e-5), Goals(scan=(150 * MS, 1e-6)))
     assert sizing.recommended is None
