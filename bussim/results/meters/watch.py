@@ -59,10 +59,13 @@ class Watch:
 
     def take(self, record: Record) -> None:
         """Keep a record if it is a new value of one of the devices, or of its PLC's supply."""
-        if isinstance(record, NoteRecord):
-            if record.kind in (IN_RUN, LEFT_RUN) and record.where in self._supply:
-                spans = self._supply[record.where]
-                (spans.on if record.text == WITHOUT_SUPPLY else spans.off)(0, record.tick)
+        if (
+            isinstance(record, NoteRecord)
+            and record.kind in (IN_RUN, LEFT_RUN)
+            and record.where in self._supply
+        ):
+            spans = self._supply[record.where]
+            (spans.on if record.text == WITHOUT_SUPPLY else spans.off)(0, record.tick)
         if isinstance(record, DeviceValueRecord):
             found = self._by_name.get((record.plc, record.device))
             if found is not None:
