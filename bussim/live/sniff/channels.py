@@ -150,9 +150,10 @@ class Channels:
         return Reading(best.setup._replace(timing=two), best.protocol, best.score)
 
     def likeliest(self, settings: Settings) -> LineSetup | None:
-        """How the channel with the most edges is read where no protocol is recognised; None: there is none.
+        """How the channel with the most edges is read where no protocol is recognised.
 
-        Of formats with hardly a wrong bit one with parity is likelier: by chance a line does not have it.
+        None: there is none, or its samples are too few for a line of that rate. Of formats with hardly a
+        wrong bit one with parity is likelier: by chance a line does not have it.
         """
         names = [name for name in settings.channels or self._channels if name in self._measured]
         name = max(names, key=lambda name: self._channels[name].total, default="")
@@ -161,6 +162,8 @@ class Channels:
             return None
         inverted = measured.inverted if settings.inverted is None else settings.inverted
         baud = settings.baud or measured.baud
+        if self._source.rate < LEAST_SAMPLES * baud:
+            return None
         forms = [form for form in _FORMATS if settings.allows(form)] or [settings.format(_FORMATS[0])]
         likely: dict[tuple[bool, bool, float], LineSetup] = {}
         for form in forms:
