@@ -5,16 +5,7 @@ from __future__ import annotations
 import random
 
 from bussim.line.checksums import crc16, crc16_bytes, lrc
-
-
-def crc_by_definition(data: bytes) -> int:
-    """Bit by bit, as the standard describes it: shift right, exclusive or with A001."""
-    crc = 0xFFFF
-    for byte in data:
-        crc ^= byte
-        for _ in range(8):
-            crc = crc >> 1 ^ (0xA001 if crc & 1 else 0)
-    return crc
+from tests.checksums import crc_by_definition
 
 
 def test_crc_is_the_shift_register_of_the_standard() -> None:

@@ -1,1 +1,1 @@
-"""What a line shows whose frames nobody has published: their layout, and what silences and lengths tell."""
+"""What a line shows whose frames are not published: their layout, and what silences and lengths tell."""

@@ -111,9 +111,8 @@ class Failures:
     """Failed exchanges by station number and cause.
 
     ``errors``: in which the station's flag went on, and for how long it was; ``codes``: their failed attempts
-    of stations by code; ``repeated``: failed attempts
-    of stations by code that were followed by a good reply; ``undecided``: in which neither had come when the
-    run, or the master's work, ended.
+    by station and code; ``repeated``: the failed attempts that a good reply followed, likewise;
+    ``undecided``: in which neither had come when the run, or the master's work, ended.
     """
 
     errors: dict[tuple[int, Cause], Times] = field(default_factory=dict)
@@ -181,7 +180,7 @@ class FailureMeter:
         return name in self._away
 
     def was_away(self, name: str) -> bool:
-        """Whether a PLC was without supply or in STOP for some time of the run, and is not now."""
+        """Whether a PLC went to RUN during the run: before, it was without supply or in STOP."""
         return name in self._back
 
     def state(self, name: str, tick: int, *, running: bool) -> None:

@@ -164,6 +164,7 @@ class Cable(ABC):
         self._open_receivers = 0
 
     # -- what a protocol's line knows of its frames --------------------------------------------------
+    # Not abstract: lines that lead out call these of the class beside them through super().
 
     def stream_name(self, tx: Transmission) -> str:
         """The name of the stream that its noise is drawn from: sender, kind and receiver."""

@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from functools import reduce
 from operator import xor
 
+from tests.checksums import crc_by_definition
+
 CHARACTER = 10 / 38400
 GAP = 0.0004175
 OVERHEAD = 0.00352
@@ -189,16 +191,6 @@ def _plain(
     )
 
 
-def _crc(chars: bytes) -> int:
-    """CRC-16 of Modbus, bit by bit."""
-    value = 0xFFFF
-    for char in chars:
-        value ^= char
-        for _ in range(8):
-            value = value >> 1 ^ (0xA001 if value & 1 else 0)
-    return value
-
-
 def _low_first(data: bytes) -> bytes:
     return _text(b"".join(data[at : at + 2][::-1] for at in range(0, len(data), 2)))
 
@@ -209,7 +201,7 @@ ALTERED: dict[str, Made] = {
     "sum with header": _plain(covered=lambda head, body, etx: head + body + etx),
     "two's complement": _plain(check=lambda chars: _h(-sum(chars) % 256)),
     "exclusive or": _plain(check=lambda chars: _h(reduce(xor, chars, 0))),
-    "CRC, low byte first": _plain(check=lambda chars: _text(_crc(chars).to_bytes(2, "little"))),
+    "CRC, low byte first": _plain(check=lambda chars: _text(crc_by_definition(chars).to_bytes(2, "little"))),
     "other headers, ends with CR LF": _plain(heads=(b"#", b"?", b"!"), etx=b"", tail=b"\r\n"),
     "binary station": _plain(station=lambda k: bytes((k,))),
     "station from 1 with two digits": _plain(station=lambda k: f"{k + 1:02d}".encode()),
@@ -230,7 +222,7 @@ ALTERED: dict[str, Made] = {
         counter=lambda n: bytes((n % 256,)),
         digits=lambda data: data,
         settings=lambda data: data,
-        check=lambda chars: _crc(chars).to_bytes(2, "little"),
+        check=lambda chars: crc_by_definition(chars).to_bytes(2, "little"),
         covered=lambda head, body, _: head + body,
     ),
     "low byte of words first": _plain(digits=_low_first),

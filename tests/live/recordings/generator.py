@@ -15,6 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tests.checksums import crc_by_definition
+
 
 class Sent(NamedTuple):
     """Characters that were sent: seconds, who (0: the master), and which bits of them are wrong.
@@ -57,12 +59,7 @@ class Serial(NamedTuple):
 
 
 def crc(data: bytes) -> bytes:
-    value = 0xFFFF
-    for byte in data:
-        value ^= byte
-        for _ in range(8):
-            value = value >> 1 ^ (0xA001 if value & 1 else 0)
-    return struct.pack("<H", value)
+    return struct.pack("<H", crc_by_definition(data))
 
 
 def rtu(*parts: int | bytes) -> bytes:
