@@ -1,7 +1,5 @@
 """``python -m bussim``: the command line."""
 
-import sys
+from bussim.cli import program
 
-from bussim.cli import main
-
-sys.exit(main())
+program()

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import atexit
 import importlib
 import io
 import logging
 import os
 import sys
 from collections.abc import Sequence
+from typing import NoReturn
 
 import click
 
@@ -123,5 +125,17 @@ def _lines(error: ScenarioError | UsageError | RunError) -> str:
     return f"Error: {error}"
 
 
+def program() -> NoReturn:
+    """Run the command line as a process of its own: ``python -m bussim``."""
+    code = main()
+    if code == INTERRUPTED:
+        # With -m, Python ends itself by SIGINT (-2, not 130) once an interrupt has left a text's exec(), as
+        # dataclasses are made by one, even where it was caught since. What runs at its end is run here.
+        atexit._run_exitfuncs()  # noqa: SLF001 - what was registered must run, and nothing public runs it
+        sys.stderr.flush()
+        os._exit(code)
+    sys.exit(code)
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    program()

@@ -176,6 +176,26 @@ def test_interrupted_from_the_keyboard(tmp_path: Path) -> None:
     assert all((folder / MARKER).is_file() for folder in tmp_path.iterdir())
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGINT cannot be sent to one process")
+@pytest.mark.parametrize("module", ["bussim", "bussim.cli"])
+def test_an_interrupt_while_text_is_executed_ends_with_130(module: str, tmp_path: Path) -> None:
+    # Python would end by the signal itself: an interrupt that passes through exec() leaves a mark there.
+    (tmp_path / "sitecustomize.py").write_text(
+        "import click\n"
+        "def interrupted(self, *arguments, **options):\n"
+        "    exec('raise KeyboardInterrupt')\n"
+        "click.Group.main = interrupted\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", module],
+        check=False,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])},
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+
+
 @pytest.mark.slow
 def test_two_runs_at_once_take_different_folders(tmp_path: Path) -> None:
     processes = [program("run", "--duration", "60s", "--no-rows", cwd=tmp_path) for _ in range(2)]
