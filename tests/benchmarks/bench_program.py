@@ -7,7 +7,7 @@ Also what it costs a whole simulation: a link of a master and a slave, 8 ms scan
 both. Without a program its ENDs are looked up and mostly never carried out; with a device that is
 observed they are, as they are with a program.
 
-The bare loop re-arms one SimPy event with a random draw (see bench_link.py): what an END costs at the
+The bare loop re-arms one SimPy event with a random draw (see bench_speed.py): what an END costs at the
 least. "With SimPy": the same loop calls a scan at each event, which is how a simulation carries a
 program out. Both run in slices that take turns in one process; the result is the median of the slices'
 ratios. Nothing is asserted: a time is no test's verdict.
