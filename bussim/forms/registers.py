@@ -5,23 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 
 from bussim.forms.mistakes import Path, Reporter
+from bussim.plc.link_devices import LINK_STATUS
 from bussim.plc.memory import Device, Family, parse_device
 
-#: What the link writes: mirrors of its settings, times, counts and codes, and flags.
-_STATUS = (("D", 8173, 8175), ("D", 8201, 8218), ("M", 8183, 8191))
+#: What the link writes beside its times, counts, codes and flags: mirrors of its settings.
+_MIRRORS = tuple(Device("D", address) for address in range(8173, 8176))
 
 
 def check_registers(
     path: Path, registers: Mapping[str, int], report: Reporter, *, link: bool, family: Family = Family.FX2N
 ) -> None:
     """Check devices and values; ``link``: of a PLC that can take part in N:N; ``family``: whose they are."""
+    written = (*_MIRRORS, *LINK_STATUS[family].values()) if link else ()
     for name, device in named_devices(path, registers, report, family=family):
         value = registers[name]
         if not device.is_word and value not in (0, 1):
             report.error((*path, name), f"is {value}, allowed 0, 1")
-        if link and any(
-            device.letter == letter and first <= device.address <= last for letter, first, last in _STATUS
-        ):
+        if device in written:
             report.warn((*path, name), "is written by the link itself: the value given here is lost")
 
 

@@ -17,6 +17,7 @@ from bussim.engines.nn.status import STATIONS, LinkStatus
 from bussim.line.characters import NN_LINE
 from bussim.plc.errors import SERIAL_ERROR as SERIAL_ERROR  # named with the link's other registers
 from bussim.plc.errors import SerialErrors, serial_error, shown_at
+from bussim.plc.link_devices import LINK_STATUS
 from bussim.plc.memory import BlockRange, Device, Memory, block_range
 from bussim.plc.ports.cpavl import COM2_STATION
 from bussim.plc.profiles import MAX_RETRIES, MAX_SLAVES, Profile, attempts_per_poll
@@ -28,6 +29,7 @@ TIMEOUT_UNIT = 10 * TICKS_PER_MS
 
 #: Settings: port, station number, slaves, mode, retries, timeout; and their mirrors.
 M_PORT = 8179
+_PORT = Device("M", M_PORT)
 D_STATION, D_SLAVES, D_MODE, D_RETRIES, D_TIMEOUT = range(8176, 8181)
 D_MIRROR_STATION, D_MIRROR_SLAVES, D_MIRROR_MODE = range(8173, 8176)
 #: yy of 7xyy for bad N:N parameters (PW10, section 8).
@@ -74,7 +76,7 @@ def memory_at_power_on(
 
 def selected_port(memory: Memory) -> str:
     """The port that M8179 selects."""
-    return "COM4" if memory.get(Device("M", M_PORT)) else "COM3"
+    return "COM4" if memory.get(_PORT) else "COM3"
 
 
 def bad_parameters(profile: Profile, values: dict[int, int]) -> list[str]:
@@ -280,20 +282,26 @@ class LinkRegisters:
         return min(32767, (2 * ticks + unit) // (2 * unit))
 
     def registers(self) -> dict[str, int]:
-        """Every link-related special device, by the PW10's name for it.
+        """What every link-related special device holds, by the PW10's name for it."""
+        devices = status_devices(self._profile, selected_port(self._memory))
+        return {name: self._memory.get(device) for name, device in devices.items()}
 
-        Families that keep some elsewhere (FX1S: D201–D218, M503–M511; FX3U: D8438, M8438) are read there and
-        reported under the common name, so that a result can be compared between families.
-        """
-        memory, devices = self._memory, self._registers
-        found = {f"D{address}": memory.word("D", address) for address in range(8173, 8181)}
-        for number in range(2 + 2 * STATIONS):
-            found[f"D{8201 + number}"] = memory.word("D", devices.first_word + number)
-        port_error = shown_at(serial_error(self._profile.error_codes, selected_port(memory), BAD_PARAMETERS))
-        found[f"D{SERIAL_ERROR}"] = memory.word("D", port_error)
-        found[f"M{SERIAL_ERROR}"] = memory.get(Device("M", port_error))
-        found[f"M{M_PORT}"] = memory.get(Device("M", M_PORT))
-        for number in range(STATIONS):
-            found[f"M{8183 + number}"] = memory.get(Device("M", devices.first_flag + number))
-        found["M8191"] = memory.get(Device("M", devices.running))
-        return found
+    def own_names(self) -> dict[str, str]:
+        """This family's own names of those of them that the PW10 calls otherwise, by the PW10's name."""
+        devices = status_devices(self._profile, selected_port(self._memory))
+        return {name: str(device) for name, device in devices.items() if name != str(device)}
+
+
+def status_devices(profile: Profile, port: str) -> dict[str, Device]:
+    """Every link-related special device of a family, by the PW10's name for it.
+
+    An FX1S keeps some elsewhere (D201–D218, M503–M511), an FX3U's COM4 its errors (D8438, M8438); a result
+    has the common names, so that families can be compared.
+    """
+    port_error = shown_at(serial_error(profile.error_codes, port, BAD_PARAMETERS))
+    own = {Device("D", at): Device("D", at) for at in range(D_MIRROR_STATION, D_TIMEOUT + 1)}
+    status = LINK_STATUS[profile.family]
+    own |= {common: device for common, device in status.items() if common.is_word}
+    own |= {Device(letter, SERIAL_ERROR): Device(letter, port_error) for letter in "DM"}
+    own |= {_PORT: _PORT, **status}
+    return {str(common): device for common, device in own.items()}

@@ -16,6 +16,7 @@ from typing import Annotated, NamedTuple, assert_never
 
 from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION
 from bussim.engines.modbus.gaps import STANDARD_GAPS, GapRule
+from bussim.plc.link_devices import LINK_DEVICES, LinkDevices
 from bussim.plc.memory import DeviceRange, Family, device_ranges
 from bussim.plc.program.instruction_times import DEFAULT_TIMES, InstructionTimes
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
@@ -117,27 +118,6 @@ class Turnaround:
         return sum((v * w for v, w in zip(self.values, weights, strict=True)), Fraction(0)) / sum(weights)
 
 
-@dataclass(frozen=True, slots=True)
-class LinkDevices:
-    """Where a family keeps the special devices of the link.
-
-    ``first_word`` is the address of the device that the PW10 calls D8201 (18 words follow in the
-    same order), ``first_flag`` of what it calls M8183 (master's error; M8184–M8190, the slaves', follow)
-    and ``running`` of M8191 (link running).
-    """
-
-    first_word: int
-    first_flag: int
-    running: int
-
-
-#: D8201–D8218 and M8183–M8191 (PW10, section 7.5).
-_PW10_DEVICES = LinkDevices(8201, 8183, 8191)
-#: D201–D218 and M503–M511 (FX, for the FX1S): M504 is the master's error, M505–M511 the slaves',
-#: M503 the running link.
-_FX1S_DEVICES = LinkDevices(201, 504, 503)
-
-
 #: FX programming, for the FX2N.
 _FX2N_LATCHED = device_ranges("M500-3071 S500-999 T246-255 C100-199 C220-255 D200-7999")
 #: As the FX2N, and M to M7679, S to S4095, and R (FX3U: from memory, assumed).
@@ -189,7 +169,6 @@ class Profile:
     ``modes``                 refresh modes D8178 that the PLC accepts                       PW10, FX
     ``documented_modes``      those of them that the settings table lists                    PW10, FX
     ``word_spacing``          distance of the stations' D blocks                             PW10, FX
-    ``devices``               addresses of the special devices                               PW10, FX
     ``firmware``              D8001 and D8101 (FX: assumed)                                  PW10
     ``rs_port``               the port that RS drives (PW10: COM2; FX: assumed)              PW10
     ``error_codes``           numbers of serial errors (FX: assumed)                         PW10
@@ -225,7 +204,6 @@ class Profile:
     modes: Annotated[tuple[int, ...], Number(0, 4)] = (0, 1, 2, 3, 4)
     documented_modes: tuple[int, ...] = (0, 1, 2)
     word_spacing: Annotated[int, Number(4, 1000)] = 32
-    devices: LinkDevices = _PW10_DEVICES
     firmware: Annotated[tuple[int, int], Number(0, 32767)] = (25010, 16003)
     rs_port: str = "COM2"
     error_codes: ErrorCodes = ErrorCodes.PW10
@@ -247,6 +225,11 @@ class Profile:
     def family(self) -> Family:
         """Whose devices it has."""
         return {"fx1s": Family.FX1S, "fx3u": Family.FX3U}.get(self.name, Family.FX2N)
+
+    @property
+    def devices(self) -> LinkDevices:
+        """Where it keeps the special devices of the link."""
+        return LINK_DEVICES[self.family]
 
 
 _PW10 = Profile("pw10")
@@ -275,7 +258,6 @@ PROFILES: dict[str, Profile] = {
         name="fx1s",
         modes=(0,),
         documented_modes=(0,),
-        devices=_FX1S_DEVICES,
         firmware=(22300, 0),
         latched=_FX1S_LATCHED,
     ),

@@ -187,9 +187,9 @@ def _link(source: Source, bus: str, drawn: Charts) -> LinkPart:
         some,
         tables.settings(source, bus),
         [
-            (plc, mov_lines(source.summary["plcs"][plc]["registers"]))
+            (plc, mov_lines(found["registers"], found.get("set_under", "M8002")))
             for plc in record.plc_names
-            if plc in source.summary["plcs"]
+            if (found := source.summary["plcs"].get(plc))
         ],
     )
 

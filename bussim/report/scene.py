@@ -30,8 +30,6 @@ ACTING, FLAG, LOST, DRIVEN = "acting", "flag", "lost", "driven"
 #: Kinds of marks.
 END, EVENT, TROUBLE = "end", "event", "trouble"
 
-#: M8183 + k is the error flag of station k (PW10 board manual, section 7.5).
-_FLAG = 8183
 _TROUBLE_KINDS = frozenset(
     {
         "station_error",
@@ -201,8 +199,9 @@ class _Painter:
         for text, spans in faults.items():
             self._spans("fault", spans, ACTING, text, text)
         for station, flags in window.flags.items():
-            text = f"M{_FLAG + station} is on: {window.station(station)} is in error"
-            self._spans(f"M{_FLAG + station}", flags, FLAG, "ON", text)
+            name = window.flag_names[station]
+            text = f"{name} is on: {window.station(station)} is in error"
+            self._spans(name, flags, FLAG, "ON", text)
 
     def _spans(self, name: str, spans: Sequence[Span], kind: str, label: str, text: str) -> None:
         begin, end = self.window.begin, self.window.end

@@ -1,6 +1,6 @@
 """The settings of the stations on an N:N link: register table and instructions that set them.
 
-PW10 board manual, sections 5 and 7 (D8176–D8180, M8179; the program sets them at M8002).
+PW10 board manual, sections 5 and 7 (D8176–D8180, M8179; under M8002, on an FX under M8038).
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ def used(registers: Mapping[str, Any]) -> dict[str, int]:
     return {name: int(registers[name]) for name in names if name in registers}
 
 
-def mov_lines(registers: Mapping[str, Any]) -> list[str]:
-    """The setting program of a station, executed in the first scan after RUN (M8002)."""
-    lines = ["LD M8002"]
+def mov_lines(registers: Mapping[str, Any], contact: str = "M8002") -> list[str]:
+    """The setting program of a station, executed in the first scan after RUN, when its ``contact`` is on."""
+    lines = [f"LD {contact}"]
     for name, value in used(registers).items():
         if name.startswith("D"):
             lines.append(f"MOV K{value} {name}")

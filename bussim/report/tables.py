@@ -13,6 +13,7 @@ from bussim.report.scene import END, Scene
 from bussim.report.settings import MEANINGS, used
 from bussim.results.meters.histogram import BIN_TICKS, Histogram, bar_width, statistics
 from bussim.results.meters.timeline import time_on
+from bussim.results.registers import own_name, own_names
 from bussim.results.text.run import lost_by_station
 from bussim.results.verdict.catalogue import meaning
 from bussim.trace.records import AttemptRecord
@@ -230,11 +231,16 @@ def plcs(source: Source) -> Table:
     for name, plc in source.summary["plcs"].items():
         cells = [found(source.summary, "plcs", name, "scan_ms", key, decimals=3) for key in ("mean", "max")]
         for register in ("D8201", "D8202", "D8063"):
+            own = own_name(source.summary, name, register)
             value = plc["registers"].get(register)
             path = pointer("plcs", name, "registers", register)
-            cells.append(Cell(NONE) if value is None else Cell(str(value), path))  # a code is no quantity
+            cells.append(
+                Cell(NONE) if value is None else Cell(str(value), path, own)
+            )  # a code is no quantity
         rows.append((name, cells))
-    head = ["PLC", "scan mean (ms)", "scan max (ms)", "D8201 (link scan now)", "D8202 (longest)", "D8063"]
+    shown = {"D8201": " (link scan now)", "D8202": " (longest)", "D8063": ""}
+    names = [own_names(source.summary, source.summary["plcs"], each) + what for each, what in shown.items()]
+    head = ["PLC", "scan mean (ms)", "scan max (ms)", *names]
     return Table("The PLCs", head, rows)
 
 
@@ -293,7 +299,8 @@ def stations(source: Source, bus: str) -> Table:
     head += ["errors counted", "last code", "flag now"]
     lost = lost_by_station(link)
     if lost:
-        head += ["lost the master (s)", "D8203 there", "D8211 there", "M8183 there"]
+        there = [own_names(source.summary, lost, name) for name in ("D8203", "D8211", "M8183")]
+        head += ["lost the master (s)", *(f"{name} there" for name in there)]
     rows = []
     for key in link["station_errors"]:
         station = int(key)
@@ -336,12 +343,12 @@ def _registers(source: Source, master: str, station: int) -> Iterator[Cell]:
         (f"D{8211 + station}", "02X"),
         (f"M{8183 + station}", ""),
     ):
-        value = registers.get(name)
+        value, own = registers.get(name), own_name(source.summary, master, name)
         if value is None:
-            yield Cell(NONE, title=name)
+            yield Cell(NONE, title=own)
         else:
             text = format(value, form) if form else "ON" if value else "off"
-            yield Cell(text, pointer("plcs", master, "registers", name), name)
+            yield Cell(text, pointer("plcs", master, "registers", name), own)
 
 
 def _one_in(probability: float) -> str:

@@ -12,6 +12,7 @@ from typing import TypeVar
 
 from bussim.results.meters.timeline import Span, fault_spans
 from bussim.results.numbers import adding_up
+from bussim.results.registers import own_name
 from bussim.results.run_record import RunRecord
 from bussim.trace import records
 from bussim.trace.file import Trace
@@ -33,6 +34,8 @@ _LEAST = 200 * TICKS_PER_MS
 _KINDS = (FrameRecord, AttemptRecord, TransactionRecord, ScanRecord, records.NoteRecord, records.EndsRecord)
 #: How the text of a part ends that is an ordinary exchange.
 REPLY = "reply"
+#: M8183 + k is the error flag of station k (PW10 board manual, section 7.5).
+_FLAG = 8183
 
 C = TypeVar("C", DeviceValueRecord, InputRecord)
 
@@ -44,7 +47,7 @@ class TraceWindow:
     ``nodes`` are the nodes of the bus in cable order; ``stations`` the names of an N:N
     link's stations by number; ``ends`` are the ENDs of each PLC. ``values`` are what memories
     hold at ENDs, ``inputs`` the changes on the wires of driven inputs. ``faults`` are the texts of faults and
-    when they acted, ``flags`` when the master had each station in error.
+    when they acted, ``flags`` when the master had each station in error, ``flag_names`` its names of them.
     """
 
     bus: str
@@ -62,6 +65,7 @@ class TraceWindow:
     ends: Mapping[str, Sequence[int]] = field(default_factory=dict)
     faults: Sequence[tuple[str, Span]] = ()
     flags: Mapping[int, Sequence[Span]] = field(default_factory=dict)
+    flag_names: Mapping[int, str] = field(default_factory=dict)
 
     def station(self, number: int | None) -> str:
         """``station 1 (press2)``."""
@@ -113,6 +117,7 @@ def read_window(trace: Trace, run: RunRecord, bus: str, begin: int, end: int) ->
         if isinstance(block, records.EndsRecord):
             ends.setdefault(block.plc, []).extend(block.ticks)
     link = run.links.get(bus)
+    in_error = {} if link is None else link.in_error
     return TraceWindow(
         bus,
         begin,
@@ -128,7 +133,8 @@ def read_window(trace: Trace, run: RunRecord, bus: str, begin: int, end: int) ->
         _changes(trace.of(InputRecord, bus=bus, stop=end), begin),
         ends,
         fault_spans(run.notes, {bus, *where.nodes, *where.plcs}),
-        {} if link is None else link.in_error,
+        in_error,
+        {number: own_name(run.summary, stations.get(0, ""), f"M{_FLAG + number}") for number in in_error},
     )
 
 

@@ -358,6 +358,8 @@ class PlcTotals:
     scans: int
     scan_mean: float | None  # ticks
     scan_max: int | None  # ticks
+    own_names: dict[str, str] = field(default_factory=dict)  # where a family has its own
+    set_under: str = "M8002"  # the contact under which its program sets the link
 
 
 @dataclass(frozen=True, slots=True)

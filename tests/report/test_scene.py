@@ -124,10 +124,11 @@ def test_faults_and_error_flags_have_lanes_of_their_own() -> None:
     lanes, boxes = scene(
         faults=[("b without supply", Span(2000, None)), ("2 replies dropped", Span(50, 50))],
         flags={1: [Span(-100, 3000)], 2: [Span(20_000, 30_000)]},
+        flag_names={1: "M505", 2: "M506"},
     )
     shown = {lanes[box.lane]: (box.kind, box.start, box.end, box.text) for box in boxes}
     assert shown["fault"] == (ACTING, 2000, 10_000, "b without supply")
-    assert shown["M8184"] == (FLAG, -100, 3000, "M8184 is on: station 1 (b) is in error")
+    assert shown["M505"] == (FLAG, -100, 3000, "M505 is on: station 1 (b) is in error")
     assert len(boxes) == 2
 
 

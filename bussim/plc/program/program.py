@@ -57,7 +57,7 @@ class Program:
         if problems:
             raise ProgramError(problems)
         instructions = source.instructions
-        warnings = (*source.warnings, *_warnings(instructions, source_name))
+        warnings = (*source.warnings, *_warnings(instructions, source_name, family))
         blocks = tuple(cut(ladder.items, instructions))
         return cls(text, source_name, tuple(instructions), blocks, warnings, skips=skips, family=family)
 
@@ -120,7 +120,7 @@ class Program:
         )
 
 
-def _warnings(instructions: list[Instruction], name: str) -> Iterator[Problem]:
+def _warnings(instructions: list[Instruction], name: str, family: Family) -> Iterator[Problem]:
     """What a PLC would accept and its programmer hardly means."""
 
     def warn(at: Instruction, message: str) -> Problem:
@@ -136,7 +136,7 @@ def _warnings(instructions: list[Instruction], name: str) -> Iterator[Problem]:
         for extent in extents(at):
             if at.name in ("RST", "ZRST") and extent.letter != "C":
                 continue
-            for message in not_simulated(extent, with_rs=with_rs):
+            for message in not_simulated(extent, with_rs=with_rs, family=family):
                 if idle.setdefault(message, at) is at:
                     yield warn(at, message)
             if extent.writes and idle.get("clock") is None:

@@ -153,5 +153,7 @@ def _stale(record: LinkRecord, duration: int) -> dict[str, Any]:
 def _plc(totals: PlcTotals) -> dict[str, Any]:
     return {
         "registers": dict(totals.registers),
+        **({"own_names": dict(totals.own_names)} if totals.own_names else {}),
+        **({"set_under": totals.set_under} if totals.set_under != "M8002" else {}),
         "scan_ms": {"mean": ms(totals.scan_mean), "max": ms(totals.scan_max)},
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from bussim.results.registers import own_name
 from bussim.results.run_record import RunRecord
 from bussim.results.text.latency import latency_lines
 from bussim.results.text.ports import SHOWN, alone_lines, port_lines, rare, times_in_words
@@ -145,13 +146,14 @@ def lost_in_words(stations: Sequence[str]) -> str:
 
 
 def _show_registers(console: Console, record: RunRecord, bus: str) -> None:
-    words = []
+    words: dict[str, list[str]] = {}
     for name in record.links[bus].plc_names:
         registers = _registers(record, name)
         if "D8201" in registers and "D8202" in registers:
-            words.append(f"{name} {registers['D8201']}/{registers['D8202']}")
-    if words:
-        _print(console, f"  D8201/D8202      {', '.join(words)}")
+            devices = "/".join(own_name(record.summary, name, each) for each in ("D8201", "D8202"))
+            words.setdefault(devices, []).append(f"{name} {registers['D8201']}/{registers['D8202']}")
+    for devices, texts in words.items():
+        _print(console, f"  {devices:16} {', '.join(texts)}")
 
 
 def _show_refresh(console: Console, gaps: dict[str, dict[str, Any]]) -> None:

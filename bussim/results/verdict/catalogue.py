@@ -47,7 +47,7 @@ SENTENCES: Mapping[str, Sentence] = {
     "no_station_in_error": Sentence("{bus}: no station was in error, and none lost the master."),
     "no_bus": Sentence("The scenario has no bus: every PLC ran by itself, and there were no link scans."),
     "settings_refused": _fault(
-        "{plc} refuses its N:N settings: M8063 is on, D8063 = {code:d} (bad parameters), and it sends "
+        "{plc} refuses its N:N settings: {flag} is on, {error} = {code:d} (bad parameters), and it sends "
         "nothing."
     ),
     "mode_refused": _fault(
@@ -63,29 +63,29 @@ SENTENCES: Mapping[str, Sentence] = {
         "{plc} was without supply or in STOP {when:when}, and still is when the run ends."
     ),
     "master_lost": _fault(
-        "{bus}: {stations:list} lost the master {master} {when:when} (in each D8211 = 11H and D8203 counted, "
-        "M8183 on meanwhile); link scans not made: {scans_missed:n}."
+        "{bus}: {stations:list} lost the master {master} {when:when} (in each {error} = 11H and {count} "
+        "counted, {flag} on meanwhile); link scans not made: {scans_missed:n}."
     ),
     "master_still_lost": _fault(
         "{bus}: {stations:list} lost the master {master} {when:when} and had not found it again when the run "
-        "ended (in each D8211 = 11H, D8203 counted, M8183 on); link scans not made: {scans_missed:n}."
+        "ended (in each {error} = 11H, {count} counted, {flag} on); link scans not made: {scans_missed:n}."
     ),
     "master_not_received": _fault(
-        "{bus}: {stations:list} lost the master {master} {when:when} (D8211 = 11H, D8203 counted, M8183 on "
-        "meanwhile), while it went on with link scans."
+        "{bus}: {stations:list} lost the master {master} {when:when} ({error} = 11H, {count} counted, {flag} "
+        "on meanwhile), while it went on with link scans."
     ),
     "master_paused": _fault(
         "{bus}: the master {master} made no link scan {when:when}; link scans not made: {scans_missed:n}. No "
-        "station's watchdog on it expired (D8211 = 11H in none)."
+        "station's watchdog on it expired ({error} = 11H in none)."
     ),
     "master_stopped": _fault(
         "{bus}: the master {master} made no link scan {when:when}, up to the end of the run; link scans not "
-        "made: {scans_missed:n}. No station's watchdog on it had expired by then (D8211 = 11H in none)."
+        "made: {scans_missed:n}. No station's watchdog on it had expired by then ({error} = 11H in none)."
     ),
     "master_damaged": _fault(
-        "{bus}: damage that counts as that of frames of the master {master} (D8211 = 14H, D8203 counted, "
-        "M8183 on until its next sound frame) came to {stations:counts}; where M8183 was on longest, it was "
-        "on {when:when}."
+        "{bus}: damage that counts as that of frames of the master {master} ({error} = 14H, {count} counted, "
+        "{flag} on until its next sound frame) came to {stations:counts}; where {flag} was on longest, it "
+        "was on {when:when}."
     ),
     "two_masters": _fault("{bus} has {number:n} masters, {masters:list}: their frames collide."),
     "same_number": _fault(
@@ -139,13 +139,13 @@ SENTENCES: Mapping[str, Sentence] = {
         "its last attempt: no station error came of it."
     ),
     "cause_missing": _fault("No PLC with the number of {station} is on {bus}."),
-    "cause_refused": _fault("{station} refuses its parameters (D8063 = {code:d}), so it sends no reply."),
+    "cause_refused": _fault("{station} refuses its parameters ({error} = {code:d}), so it sends no reply."),
     "cause_cut": _fault(
         "{station} was in RUN and received no data frame of the master either {when:when}: the cable between "
         "them was interrupted, its port, rate or format is wrong, or noise covered the frames."
     ),
     "cause_format": _fault(
-        "{station} received the master's frames damaged (D8211 = 14H) and no data frame {when:when}: its "
+        "{station} received the master's frames damaged ({error} = 14H) and no data frame {when:when}: its "
         "rate, format or clock is not that of {bus}, noise covered the frames, or a cable was cut within one."
     ),
     "cause_master": _fault(
@@ -173,8 +173,10 @@ SENTENCES: Mapping[str, Sentence] = {
         "not reach it whole, as with noise at it alone; the cause is not known."
     ),
     # -- serial errors of a PLC
-    "serial_error": _fault("{plc} shows a serial error that is over: M8063 is off, D8063 = {code:serial}."),
-    "serial_error_on": _fault("{plc} shows a serial error: M8063 is on, D8063 = {code:serial}."),
+    "serial_error": _fault(
+        "{plc} shows a serial error that is over: {flag} is off, {error} = {code:serial}."
+    ),
+    "serial_error_on": _fault("{plc} shows a serial error: {flag} is on, {error} = {code:serial}."),
     # -- Modbus masters
     "own_data": Sentence("{node}: requests answered with their own data: all of {requests:n}."),
     "own_data_times": Sentence(
@@ -266,6 +268,8 @@ SENTENCES: Mapping[str, Sentence] = {
 
 #: Sentences of folders of earlier versions, which have their texts.
 _FORMER_FAULTS = frozenset({"cause_late", "cause_stopped", "cause_still_stopped", "cause_unreached"})
+#: Error codes are in D8211 to D8218, of an FX1S in D211 to D218; counts lie below.
+_FIRST_CODE = 11
 #: The 7 of 7xyy, PW10's codes in D8063 (its board manual, section 8).
 _PW10 = 7
 _GIVEN_UP = re.compile(
@@ -365,7 +369,7 @@ class _Text(Formatter):
         """A special device and what it holds; an error code in hexadecimal digits, with its meaning."""
         if name.startswith("M"):
             return f"{name} on"
-        if name < "D8211":
+        if int(name[-2:]) < _FIRST_CODE:
             return f"{name} = {number:,}"
         code = f"{number:02X}"
         return f"{name} = {code}H ({meaning(code, self._lang)})"

@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from bussim.results.meters.failures import Cause, Irregulars, Times
 from bussim.results.meters.link import LinkRecord
 from bussim.results.meters.timeline import Span
 from bussim.results.numbers import by_code
+from bussim.results.registers import own_name, own_names
 from bussim.results.verdict.catalogue import is_fault, render
-from bussim.results.verdict.parts import Finding, driver_findings, in_all, not_running, serial_errors, summed
+from bussim.results.verdict.parts import (
+    Finding,
+    driver_findings,
+    in_all,
+    not_running,
+    serial_errors,
+    serial_names,
+    summed,
+)
 from bussim.units import TICKS_PER_SECOND
 
 #: Causes that a finding of its own has said: of a node's driver, of a PLC that was not in RUN.
@@ -74,7 +83,7 @@ class _Link:
         refused: Mapping[str, int],
         away: Mapping[str, list[Span]],
     ) -> None:
-        self._away = away
+        self._away, self._summary = away, summary
         self._bus, self._link, self._record, self._refused = bus, link, record, refused
         self._duration = summary["duration_s"]
         self._registers: dict[str, Mapping[str, int]] = {
@@ -92,15 +101,11 @@ class _Link:
         bus, link = self._bus, self._link
         for plc in self._record.plc_names:
             if plc in self._refused:
-                code = self._refused[plc]
-                yield (
-                    ("settings_refused", {"bus": bus, "plc": plc, "code": code})
-                    if code
-                    else (
-                        "mode_refused",
-                        {"bus": bus, "plc": plc},
-                    )
-                )
+                if code := self._refused[plc]:
+                    names = serial_names(self._summary, plc)
+                    yield "settings_refused", {"bus": bus, "plc": plc, "code": code, **names}
+                else:
+                    yield "mode_refused", {"bus": bus, "plc": plc}
             yield from not_running(plc, self._away.get(plc, []), self._duration, {"bus": bus})
         yield from self._without_master()
         shared = [*self._shared_numbers()]
@@ -111,14 +116,14 @@ class _Link:
             most = max(self._record.master_damaged.values(), key=lambda times: times.total)
             stations = {name: times.number for name, times in self._record.master_damaged.items()}
             values = {"bus": bus, "master": self._master, "stations": stations, "when": in_all(most)}
-            yield "master_damaged", values
+            yield "master_damaged", {**values, **self._own_names(stations)}
         yield from self._stations(known=known)
         if link["undetected_frames"]:
             yield "undetected", {"bus": bus, "frames": link["undetected_frames"]}
         if not known:
             yield from self._unexplained()
-        for plc, registers in self._registers.items():
-            yield from serial_errors(plc, registers, self._refused, {"bus": bus})
+        for plc in self._registers:
+            yield from serial_errors(plc, self._summary, self._refused, {"bus": bus})
 
     # -- the link as a whole -------------------------------------------------------------------------
 
@@ -139,7 +144,8 @@ class _Link:
             when = {"times": len(every), "total_s": round(total, 6)}
             when |= {"from_s": longest["from_s"], "for_s": longest["for_s"]}
             values = {"bus": bus, "master": self._master, **longest, "stations": [*stations]}
-            yield key, {**values, "scans_missed": missed, "when": when}
+            names = self._own_names(stations or [plc for plc in self._registers if plc != self._master])
+            yield key, {**values, "scans_missed": missed, "when": when, **names}
 
     def _lost_key(self, lost: Mapping[str, Any]) -> str:
         """Which sentence a time without the master has."""
@@ -230,8 +236,14 @@ class _Link:
     def _values(self, station: int, cause: Cause) -> dict[str, Any]:
         if cause is Cause.REFUSED:
             plc = self._numbers[station][0] if station in self._numbers else ""
-            return {"code": self._registers.get(plc, {}).get("D8063", 0)}
-        return {"timeout_ms": self._link["timeout_ms"]}
+            code = self._registers.get(plc, {}).get("D8063", 0)
+            return {"code": code, **serial_names(self._summary, plc)}
+        return {"timeout_ms": self._link["timeout_ms"], **self._own_names(self._numbers.get(station, ())[:1])}
+
+    def _own_names(self, plcs: Iterable[str]) -> dict[str, str]:
+        """What stations call what they show of the master."""
+        names = {"count": f"D{_COUNT}", "error": f"D{_CODE}", "flag": f"M{_FLAG}"}
+        return {key: own_names(self._summary, plcs, name) for key, name in names.items()}
 
     def _label(self, station: int) -> str:
         plcs = self._numbers.get(station)
@@ -269,7 +281,9 @@ class _Link:
                 known = plc in told if not station else 0 < most_here >= count
                 if (count or code or flag) and not known:
                     devices |= {
-                        name: value for name, value in zip(names, (count, code, flag), strict=True) if value
+                        own_name(self._summary, plc, name): value
+                        for name, value in zip(names, (count, code, flag), strict=True)
+                        if value
                     }
             if devices:
                 yield "shown", {"bus": self._bus, "plc": plc, "devices": devices}

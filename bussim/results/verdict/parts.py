@@ -8,6 +8,7 @@ from typing import Any
 from bussim.results.meters.failures import Irregulars, Times
 from bussim.results.meters.timeline import Span
 from bussim.results.numbers import s
+from bussim.results.registers import own_name
 from bussim.trace.records import AFTER_FRAME, IN_FRAME, JABBER, LATE_REPLY, OFF_RATE, UNEVEN, WITHOUT_FRAME
 from bussim.units import TICKS_PER_SECOND
 
@@ -51,13 +52,22 @@ def not_running(
 
 
 def serial_errors(
-    plc: str, registers: Mapping[str, int], refused: Mapping[str, int], where: Mapping[str, str]
+    plc: str, summary: Mapping[str, Any], refused: Mapping[str, int], where: Mapping[str, str]
 ) -> Iterator[Finding]:
     """M8063 and D8063 of a PLC, but for the codes of refused parameters, which stand elsewhere."""
+    registers = summary["plcs"].get(plc, {}).get("registers", {})
     code, on = registers.get("D8063", 0), registers.get("M8063", 0)
     said = {number for name, number in refused.items() if name.partition(".")[0] == plc}
     if (code or on) and code not in said and not (plc in refused and not refused[plc]):
-        yield "serial_error_on" if on else "serial_error", {**where, "plc": plc, "code": code}
+        yield (
+            "serial_error_on" if on else "serial_error",
+            {**where, "plc": plc, "code": code, **serial_names(summary, plc)},
+        )
+
+
+def serial_names(summary: Mapping[str, Any], plc: str) -> dict[str, str]:
+    """What a PLC calls M8063 and D8063."""
+    return {key: own_name(summary, plc, name) for key, name in (("flag", "M8063"), ("error", "D8063"))}
 
 
 def driver_findings(bus: str, collisions: int, irregular: Irregulars, *, known: bool) -> Iterator[Finding]:

@@ -73,6 +73,6 @@ def _findings(summary: Mapping[str, Any], evidence: Evidence) -> Iterator[Findin
     for name, node in nodes.items():
         made_good = not failed.get(node["bus"], True)
         yield from node_findings(name, node, evidence.refused.get(name), made_good=made_good)
-    for plc, entry in summary["plcs"].items():
+    for plc in summary["plcs"]:
         if plc not in told:
-            yield from serial_errors(plc, entry["registers"], evidence.refused, {})
+            yield from serial_errors(plc, summary, evidence.refused, {})

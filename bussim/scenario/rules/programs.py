@@ -126,7 +126,8 @@ def _check_specials(member: Member, report: Report) -> None:
     for name, value in member.raw.items():
         letter, address = parse_device(name)
         extent = Extent(letter, address, address, word=letter == "D", writes=True)
-        for message in not_simulated(extent, with_rs=with_rs) if value else ():
+        found = not_simulated(extent, with_rs=with_rs, family=member.profile.family)
+        for message in found if value else ():
             report.warn((*member.path, "registers", name), f"{member.name}: {message}", key=True)
 
 

@@ -55,6 +55,17 @@ def test_what_only_an_fx3u_has_is_no_matter_of_the_fx1s() -> None:
         parse_device("D300", family=Family.FX1S)
 
 
+def test_the_link_has_other_devices_there() -> None:
+    text = "LD M8184\nOUT Y0\nLD M505\nMOV D8212 D10\nMOV D212 D11\nEND"
+    found = [problem.message for problem in Program.parse(text, "p", family=Family.FX1S).warnings]
+    assert found == [
+        "M8184 does nothing on an FX1S, whose N:N link has M505 in its place",
+        "D8212 does nothing on an FX1S, whose N:N link has D212 in its place",
+    ]
+    for family in (Family.FX2N, Family.FX3U):
+        assert not Program.parse(text, "p", family=family).warnings
+
+
 SCENARIO = """
 schema: 1
 name: x

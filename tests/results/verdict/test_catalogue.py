@@ -77,7 +77,8 @@ def test_every_sentence_can_be_said(key: str) -> None:
 
 
 def test_codes_stay_codes_and_names_keep_their_underscores() -> None:
-    text = render("settings_refused", {"plc": "main_plc", "code": 7348})
+    names = {"flag": "M8063", "error": "D8063"}
+    text = render("settings_refused", {"plc": "main_plc", "code": 7348, **names})
     assert text.startswith("main_plc refuses its N:N settings: M8063 is on, D8063 = 7348 (bad parameters)")
     assert "vfd_status" in render(
         "no_response", {"node": "a.COM3", "requests": 1200, "polls": ["vfd_status"]}

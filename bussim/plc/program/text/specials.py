@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from bussim.plc.memory import FIRST_SPECIAL, device_ranges
+from bussim.plc.link_devices import LINK_STATUS
+from bussim.plc.memory import FIRST_SPECIAL, Device, Family, device_ranges
 from bussim.plc.program.text.operand_checks import FIRST_FAST_COUNTER, Extent
 
 #: Bits that change instructions, or the whole PLC, and do not here: what they do, by M's address.
@@ -22,14 +23,14 @@ SPECIAL_BITS = {
 }
 #: The special devices that do something here.
 _ALIVE = device_ranges(
-    "M8000-8004 M8011-8014 M8020-8022 M8024 M8033 M8038 M8061 M8063 M8067-8068 M8179 M8183-8191 M8200-8234 "
-    "M8438 D8000-8001 D8004 D8010-8019 D8061 D8063 D8067-8069 D8101 D8121 D8173-8180 D8201-8218 D8438"
+    "M8000-8004 M8011-8014 M8020-8022 M8024 M8033 M8038 M8061 M8063 M8067-8068 M8179 M8200-8234 "
+    "M8438 D8000-8001 D8004 D8010-8019 D8061 D8063 D8067-8069 D8101 D8121 D8173-8180 D8438"
 )
 #: Those of RS.
 _OF_RS = device_ranges("M8121-8124 M8129 M8161 D8120 D8122-8125 D8129")
 
 
-def not_simulated(extent: Extent, *, with_rs: bool) -> Iterator[str]:
+def not_simulated(extent: Extent, *, with_rs: bool, family: Family) -> Iterator[str]:
     """What is to be said of special devices that are touched: of the first, and of bits that are written.
 
     So of counters that count in hardware.
@@ -42,5 +43,8 @@ def not_simulated(extent: Extent, *, with_rs: bool) -> Iterator[str]:
     for address in range(max(extent.first, FIRST_SPECIAL), extent.last + 1) if letter in "MD" else ():
         effect = SPECIAL_BITS.get(address, "") if letter == "M" else ""
         alive = any(each.letter == letter and each.first <= address <= each.last for each in known)
-        if not alive and (address == extent.first or (effect and extent.writes)):
+        own = LINK_STATUS[family].get(Device(letter, address))
+        if own is not None and own.address != address == extent.first:
+            yield f"{letter}{address} does nothing on an {family}, whose N:N link has {own} in its place"
+        if not alive and own is None and (address == extent.first or (effect and extent.writes)):
             yield f"{letter}{address}{effect} is not simulated: it changes nothing, and nothing drives it"
