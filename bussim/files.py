@@ -1,39 +1,106 @@
-"""Files and folders that are there whole or not at all."""
+"""Files and folders that are there whole or not at all, and errors of files in words."""
 
 from __future__ import annotations
 
+import errno
+import secrets
 import shutil
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from bussim.errors import UsageError
+from bussim.errors import RunError, UsageError
+
+if TYPE_CHECKING:
+    from filelock import BaseFileLock
+
+#: The file in a folder that the process that writes it has locked.
+LOCK = "LOCK"
+
+#: What is wrong with the path that the user named. All else, such as a full disk, is a failure of the place.
+_BAD_PATHS = frozenset(
+    {
+        errno.EEXIST,
+        errno.EINVAL,
+        errno.EISDIR,
+        errno.ELOOP,
+        errno.ENAMETOOLONG,
+        errno.ENOENT,
+        errno.ENOTDIR,
+        errno.ENOTEMPTY,
+    }
+)
 
 
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
-    """A path beside a file, which becomes it if all goes well and is removed if not.
+    """A new file beside a path, which becomes it if all goes well and is removed if not.
 
-    Raises UsageError where it cannot be written.
+    Its name is one that nobody else has: of several writers of one path the last one's file stays, whole.
+    Raises UsageError or RunError where it cannot be written, as :func:`not_written` says.
     """
-    part = path.with_name(f"{path.name}.part")
+    part = path.with_name(f"bussim-{secrets.token_hex(8)}.part")
     try:
-        yield part
-        part.replace(path)
+        part.open("x").close()
+        try:
+            yield part
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
     except OSError as error:
-        raise UsageError(f"{path} cannot be written: {error.strerror or error}") from error
-    finally:
-        part.unlink(missing_ok=True)
+        raise not_written(path, error) from error
 
 
-def remove_folder(folder: Path, last: Sequence[str]) -> None:
-    """Remove a folder, the files ``last`` at the end, so that what is left of it can be identified."""
+def not_written(path: Path, error: OSError) -> UsageError | RunError:
+    """What a command raises where a path cannot be written: by :func:`is_bad_path` the one or the other."""
+    kind = UsageError if is_bad_path(error) else RunError
+    where = error.filename
+    aside = f" ({where})" if where and Path(where).parent != path.parent else ""
+    return kind(f"{path} cannot be written: {error.strerror or error}{aside}")
+
+
+def is_bad_path(error: OSError) -> bool:
+    """Whether the path itself is at fault (too long, a loop, not a folder), not the place that it names."""
+    return error.errno in _BAD_PATHS
+
+
+def empty_folder(folder: Path, keep: Sequence[str]) -> None:
+    """Remove everything in a folder but the files ``keep``."""
     for entry in folder.iterdir():
-        if entry.name not in last:
+        if entry.name not in keep:
             shutil.rmtree(entry) if entry.is_dir() and not entry.is_symlink() else entry.unlink()
-    for name in last:
+
+
+def remove_folder(folder: Path, last: Sequence[str], lock: BaseFileLock | None = None) -> None:
+    """Remove a folder, the files ``last`` at the end, so that what is left of it can be identified.
+
+    A ``lock`` of :func:`locked` is released.
+    """
+    empty_folder(folder, [*last, LOCK])
+    if lock is not None and sys.platform == "win32":
+        lock.release()  # an open file cannot be removed there
+    for name in (*last, LOCK):
         (folder / name).unlink(missing_ok=True)
     folder.rmdir()
+    if lock is not None:
+        lock.release()
+
+
+def locked(folder: Path) -> BaseFileLock | None:
+    """Take a folder for this process until the lock is released; None if another process has or had it."""
+    from filelock import FileLock, Timeout
+
+    lock = FileLock(folder / LOCK, timeout=0)
+    try:
+        lock.acquire()
+    except (FileNotFoundError, Timeout):
+        return None
+    if not (folder / LOCK).exists():  # the other process moved or removed the folder meanwhile
+        lock.release()
+        return None
+    return lock
 
 
 def reason(error: OSError) -> str:

@@ -5,15 +5,17 @@ from __future__ import annotations
 import contextlib
 import sys
 from collections.abc import Callable, Mapping
-from itertools import count
 from pathlib import Path
-from typing import IO, Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 from bussim.errors import RunError, UsageError
-from bussim.files import reason, remove_folder
-from bussim.results.store.folder import SUFFIX, _one_at_a_time, _try_lock
+from bussim.files import LOCK, empty_folder, locked, not_written, reason, remove_folder, written_whole
+from bussim.results.store.folder import SUFFIX, numbered_names
 from bussim.sweep.identity import MANIFEST, differences, manifest_text, read_manifest
 from bussim.sweep.journal import Journal
+
+if TYPE_CHECKING:
+    from filelock import BaseFileLock
 
 #: The file that marks a folder as incomplete. Not that of a run, which a run may remove.
 MARKER = "INCOMPLETE-SWEEP"
@@ -59,7 +61,7 @@ class SweepFolder:
     ) -> None:
         self._manifest = manifest
         self._force = force
-        self._lock: IO[str] | None = None
+        self._lock: BaseFileLock | None = None
         self._journal: Journal | None = None
         if wanted.name in ("", ".."):
             raise UsageError(f"{wanted} is not a folder that can be made; give it a name, as in sweeps/press")
@@ -69,7 +71,7 @@ class SweepFolder:
         try:
             self.state = self._numbered() if numbered else self._found(wanted)
         except OSError as error:
-            raise UsageError(f"{wanted}: cannot be written: {reason(error)}") from error
+            raise not_written(wanted, error) from error
 
     @property
     def journal(self) -> Journal:
@@ -86,7 +88,7 @@ class SweepFolder:
             with contextlib.suppress(OSError):  # what went wrong before counts
                 self._journal.close()
         if self._lock is not None:
-            self._lock.close()
+            self._lock.release()
         if isinstance(error, OSError):
             raise RunError(f"{self.target}: writing failed: {reason(error)}") from error
 
@@ -98,33 +100,28 @@ class SweepFolder:
         part = _part(self.target)
         try:
             self.target.parent.mkdir(parents=True, exist_ok=True)
-            with _one_at_a_time(self.target.parent):
-                self.state = self._found(self.target)
-                if self.state == "whole":
-                    raise UsageError(f"{self.target} was finished by another process just now")
-                if self.state == "new":
-                    if part.exists():
-                        remove_folder(part, _IDENTITY)
-                    part.mkdir()
-                self._lock = (part / MARKER).open("a", encoding="utf-8", newline="\n")
-                if not _try_lock(self._lock):
-                    raise _in_use(part)
-                self._lock.truncate(0)
-                self._lock.write(_MARKER_TEXT)
-                self._lock.flush()
+            part.mkdir(exist_ok=True)
+            self._lock = locked(part)
+            if self._lock is None:
+                raise _in_use(part)
+            self.state = self._found(self.target)
+            if self.state == "whole":
+                remove_folder(part, _IDENTITY, self._lock)
+                raise UsageError(f"{self.target} was finished by another process just now")
+            (part / MARKER).write_text(_MARKER_TEXT, encoding="utf-8", newline="\n")
             if self.state == "new":
-                _write_whole(part / MANIFEST, manifest_text(self._manifest))
+                empty_folder(part, [MARKER, LOCK])
+                with written_whole(part / MANIFEST) as manifest:
+                    manifest.write_text(manifest_text(self._manifest), encoding="utf-8", newline="\n")
             self._journal = Journal(part / JOURNAL)
         except OSError as error:
-            raise UsageError(f"{self.target}: cannot be written: {reason(error)}") from error
+            raise not_written(self.target, error) from error
 
     def finish(self, write: Callable[[Path], None]) -> None:
         """Let ``write`` write the results into the folder, and move it to its target."""
         part, old = _part(self.target), self.target.with_name(self.target.name + _OLD)
         self.journal.close()
-        for entry in part.iterdir():  # of an earlier process that was killed here
-            if entry.name not in (MANIFEST, JOURNAL, MARKER):
-                entry.unlink()
+        empty_folder(part, [MANIFEST, JOURNAL, MARKER, LOCK])  # of an earlier process that was killed here
         write(part)
         if self.target.exists():
             if any(self.target.iterdir()) and read_manifest(self.target) is None:
@@ -133,7 +130,7 @@ class SweepFolder:
                 remove_folder(old, _IDENTITY)
             self.target.replace(old)
         if sys.platform == "win32" and self._lock is not None:
-            self._lock.close()  # an open file keeps its folder from being renamed there
+            self._lock.release()  # an open file keeps its folder from being renamed there
         part.replace(self.target)
         self._tidy()
         self.state = "whole"
@@ -141,23 +138,21 @@ class SweepFolder:
     def _tidy(self) -> None:
         """What is left to do when everything is at its target; the marker goes last."""
         old = self.target.with_name(self.target.name + _OLD)
-        (self.target / JOURNAL).unlink(missing_ok=True)
+        for name in (JOURNAL, LOCK):
+            (self.target / name).unlink(missing_ok=True)
         if old.exists():
             remove_folder(old, _IDENTITY)
         (self.target / MARKER).unlink(missing_ok=True)
 
     def _numbered(self) -> State:
-        wanted = self.target
-        for number in count(1):
-            self.target = wanted if number == 1 else wanted.with_name(f"{wanted.name}-{number}")
-            part = _part(self.target)
+        for target in numbered_names(self.target):
             # What another sweep has taken is passed over; the same one in use is worth an error.
-            if any(
-                folder.exists() and not self._is_this(folder) and not _is_empty_start(folder)
-                for folder in (self.target, part)
+            if all(
+                not folder.exists() or self._is_this(folder) or _is_empty_start(folder)
+                for folder in (target, _part(target))
             ):
-                continue
-            return self._found(self.target)
+                self.target = target
+                return self._found(target)
         raise AssertionError
 
     def _is_this(self, folder: Path) -> bool:
@@ -170,16 +165,24 @@ class SweepFolder:
             same = self._check(target, target)
             if (target / MARKER).exists() and same:
                 # Killed when it was at its target but for the last steps.
-                _check_free(target)
+                self._check_free(target)
                 self._tidy()
                 return "whole"
             if same and not self._force:
                 return "whole"
         if part.exists():
             same = self._check(part, target)
-            _check_free(part)
+            self._check_free(part)
             return "begun" if same else "new"
         return "new"
+
+    def _check_free(self, folder: Path) -> None:
+        """Raise UsageError if another process has the folder."""
+        if self._lock is None:
+            lock = locked(folder)
+            if lock is None:
+                raise _in_use(folder)
+            lock.release()
 
     def _check(self, folder: Path, target: Path) -> bool:
         """Whether a folder is this sweep's. Raises UsageError if it is not and may not be replaced."""
@@ -208,34 +211,13 @@ def _part(target: Path) -> Path:
 
 
 def _is_empty_start(folder: Path) -> bool:
-    """Whether there is nothing in a folder but, perhaps, the marker of a sweep that began."""
-    return folder.is_dir() and all(entry.name in (MARKER, _temporary(MANIFEST)) for entry in folder.iterdir())
-
-
-def _check_free(folder: Path) -> None:
-    """Raise UsageError if a process has the folder."""
-    try:
-        with (folder / MARKER).open("r+", encoding="utf-8") as marker:
-            free = _try_lock(marker)
-    except FileNotFoundError:
-        free = True
-    if not free:
-        raise _in_use(folder)
+    """Whether there is nothing in a folder but, perhaps, what a sweep that began makes first."""
+    return folder.is_dir() and all(
+        entry.name in (MARKER, LOCK) or entry.suffix == ".part" for entry in folder.iterdir()
+    )
 
 
 def _in_use(folder: Path) -> UsageError:
     return UsageError(
         f"{folder} is being written by another process; wait for it, or choose another name with --out"
     )
-
-
-def _temporary(name: str) -> str:
-    return f"{name}.part"
-
-
-def _write_whole(path: Path, text: str) -> None:
-    """Write a file that is there either whole or not at all."""
-    part = path.with_name(_temporary(path.name))
-    with part.open("w", encoding="utf-8", newline="\n") as file:
-        file.write(text)
-    part.replace(path)

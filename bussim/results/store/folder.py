@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import sys
 from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from bussim.errors import RunError, UsageError
-from bussim.files import reason, remove_folder
+from bussim.files import LOCK, empty_folder, locked, not_written, reason, remove_folder
 from bussim.results.run_record import RunRecord
 from bussim.results.store.rows import FileRows
 from bussim.results.store.safe_names import file_names
 from bussim.results.store.tables import FORMATS, import_pyarrow
 from bussim.trace.records import TraceHeader
+
+if TYPE_CHECKING:
+    from filelock import BaseFileLock
 
 #: The file that marks a folder as incomplete.
 MARKER = "INCOMPLETE"
@@ -80,15 +83,10 @@ class RunFolder:
             _check_target(target, force=force)
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
-            with _one_at_a_time(target.parent):
-                self.target = free_folder(target) if numbered else target
-                self._part = self.target.with_name(self.target.name + SUFFIX)
-                _clear(self._part)
-                self._part.mkdir()
-                self._lock = _write_marker(self._part, _MARKER_TEXT)
+            self.target, self._part, self._lock = _taken(target, numbered=numbered)
             self.rows = FileRows(self._part, rows=rows, traced=traced, fmt=fmt, header=header)
         except OSError as error:
-            raise UsageError(f"{target}: cannot be written: {reason(error)}") from error
+            raise not_written(target, error) from error
 
     def __enter__(self) -> Self:
         return self
@@ -102,9 +100,8 @@ class RunFolder:
         if not self._finished:
             with contextlib.suppress(OSError):  # the error before it is the one to report
                 self.rows.close()
-            self._lock.close()
             with contextlib.suppress(OSError):
-                remove_folder(self._part, [MARKER])
+                remove_folder(self._part, [MARKER], self._lock)
         if isinstance(error, OSError):
             raise RunError(f"{self.target}: writing failed: {reason(error)}") from error
 
@@ -129,27 +126,28 @@ class RunFolder:
         for name, stem in file_names(measured(record)).items():
             latency_picture([record], name).save_both(self._part / f"latency_{stem}")
         self._move()
-        self._lock.close()
         self._finished = True
         return self.target
 
     def _move(self) -> None:
         _check_target(self.target, force=self._force)
         old = self.target.with_name(self.target.name + ".old" + SUFFIX)
-        _clear(old)
+        _remove_old(old)
         if self.target.exists():
-            _write_marker(self.target, _REPLACED_TEXT).close()
+            (self.target / MARKER).write_text(_REPLACED_TEXT, encoding="utf-8", newline="\n")
             try:
                 self.target.replace(old)
             except OSError:  # on Windows: a file in it is open in another program
                 (self.target / MARKER).unlink()
                 raise
         if sys.platform == "win32":
-            self._lock.close()  # an open file keeps its folder from being renamed there
+            self._lock.release()  # an open file keeps its folder from being renamed there
         self._part.replace(self.target)
+        (self.target / LOCK).unlink()
+        self._lock.release()
         # The marker goes last: killed before, the folder is whole but still says incomplete.
         (self.target / MARKER).unlink()
-        _clear(old)
+        _remove_old(old)
 
 
 def is_run(folder: Path) -> bool:
@@ -157,15 +155,35 @@ def is_run(folder: Path) -> bool:
     return (folder / MARKER).is_file() or ((folder / SUMMARY).is_file() and (folder / HISTOGRAMS).is_file())
 
 
-def free_folder(wanted: Path) -> Path:
-    """The wanted folder if it is neither there nor being written, else its name with -2, -3 and so on."""
-    number, candidate = 1, wanted
-    while True:
+def numbered_names(wanted: Path) -> Iterator[Path]:
+    """A folder's name, then the same with -2, -3 and so on."""
+    yield wanted
+    yield from (wanted.with_name(f"{wanted.name}-{number}") for number in count(2))
+
+
+def _taken(target: Path, *, numbered: bool) -> tuple[Path, Path, BaseFileLock]:
+    """The target, and the empty, marked folder beside it that this process has locked.
+
+    Raises UsageError where it is in use or not bussim's; with ``numbered`` the next name is taken.
+    """
+    for candidate in numbered_names(target):
         part = candidate.with_name(candidate.name + SUFFIX)
-        if not candidate.exists() and (not part.exists() or _is_stale(part)):
-            return candidate
-        number += 1
-        candidate = wanted.with_name(f"{wanted.name}-{number}")
+        if numbered and (candidate.exists() or _is_foreign(part)):
+            continue
+        _check_not_foreign(part)
+        part.mkdir(exist_ok=True)
+        lock = locked(part)
+        if lock is None:
+            if numbered:
+                continue
+            raise UsageError(f"{part} is being written by another run; wait for it or choose another name")
+        if numbered and candidate.exists():  # it became whole in between
+            remove_folder(part, [MARKER], lock)
+            continue
+        (part / MARKER).write_text(_MARKER_TEXT, encoding="utf-8", newline="\n")
+        empty_folder(part, [MARKER, LOCK])
+        return candidate, part, lock
+    raise AssertionError
 
 
 def _check_target(target: Path, *, force: bool) -> None:
@@ -186,84 +204,25 @@ def _check_target(target: Path, *, force: bool) -> None:
         )
 
 
-def _clear(part: Path) -> None:
-    """Remove what a killed run left. Raises UsageError where it is something else, or in use."""
-    if not part.exists():
-        return
-    if not (part / MARKER).is_file() and any(part.iterdir()):
+def _is_foreign(part: Path) -> bool:
+    """Whether a folder's name is taken by something that bussim did not leave."""
+    if not part.is_dir():
+        return part.exists()
+    return not (part / MARKER).is_file() and any(entry.name != LOCK for entry in part.iterdir())
+
+
+def _check_not_foreign(part: Path) -> None:
+    if _is_foreign(part):
         raise UsageError(
             f"{part} is needed for writing, but exists and was not left by bussim (it has no file "
             f"{MARKER}); move it away or choose another name"
         )
-    if (part / MARKER).is_file() and not _is_stale(part):
-        raise UsageError(f"{part} is being written by another run; wait for it or choose another name")
-    remove_folder(part, [MARKER])
 
 
-def _write_marker(folder: Path, text: str) -> IO[str]:
-    """Mark a folder as incomplete; until the returned file is closed also as in use."""
-    marker = (folder / MARKER).open("w", encoding="utf-8", newline="\n")
-    _try_lock(marker)
-    marker.write(text)
-    marker.flush()
-    return marker
-
-
-def _is_stale(part: Path) -> bool:
-    """Whether no process writes a marked folder any more."""
-    try:
-        with (part / MARKER).open("r+", encoding="utf-8") as marker:
-            return _try_lock(marker)
-    except OSError:
-        return False
-
-
-if sys.platform == "win32":
-
-    def _try_lock(file: IO[str]) -> bool:
-        """Lock a byte far behind the text, which other processes can go on reading."""
-        import msvcrt
-
-        file.seek(1 << 20)
-        try:
-            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
-        except OSError:
-            return False
-        finally:
-            file.seek(0)
-        return True
-
-    @contextlib.contextmanager
-    def _one_at_a_time(_: Path) -> Iterator[None]:
-        """Folders cannot be locked there: of two runs that start at the same instant one may fail."""
-        yield
-
-else:
-
-    def _try_lock(file: IO[str]) -> bool:
-        """Lock a file until it is closed; False if another process has it."""
-        import fcntl
-
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return False
-        except OSError:
-            return True  # a file system without locks: no process can hold one
-        return True
-
-    @contextlib.contextmanager
-    def _one_at_a_time(folder: Path) -> Iterator[None]:
-        """Let one process at a time find a free name in a folder and take it."""
-        import fcntl
-
-        handle = os.open(folder, os.O_RDONLY)
-        try:
-            with contextlib.suppress(OSError):  # a file system without locks
-                fcntl.flock(handle, fcntl.LOCK_EX)
-            yield
-        finally:
-            os.close(handle)
+def _remove_old(old: Path) -> None:
+    if old.exists():
+        _check_not_foreign(old)
+        remove_folder(old, [MARKER])
 
 
 def _write_json(path: Path, data: dict[str, Any], *, indent: int | None) -> None:

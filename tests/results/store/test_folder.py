@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from bussim.errors import RunError, UsageError
-from bussim.results.store.folder import MARKER, RunFolder, free_folder
+from bussim.results.store.folder import MARKER, RunFolder
 from bussim.results.store.load import load_run
 from bussim.results.store.rows import FileRows
 from bussim.units import TICKS_PER_SECOND
@@ -167,21 +167,31 @@ def test_a_folder_that_is_being_written_is_refused(tmp_path: Path) -> None:
     with RunFolder(target, rows=True, traced=False, fmt="csv") as folder:
         with pytest.raises(UsageError, match="being written by another run"):
             write(target)
-        assert free_folder(target) == tmp_path / "run-2"
+        assert taken(target) == tmp_path / "run-2"
         folder.finish(SHORT.run(rows=folder.rows), SCENARIO)
     assert names(target) == FILES
-    assert free_folder(target) == tmp_path / "run-2"
+    assert taken(target) == tmp_path / "run-2"
+    assert names(tmp_path) == {"run"}
+
+
+def taken(wanted: Path) -> Path:
+    """The folder that a run takes where a name may be numbered."""
+    with RunFolder(wanted, rows=True, traced=False, fmt="csv", numbered=True) as folder:
+        return folder.target
 
 
 def test_free_folders_are_numbered_and_stale_ones_used_again(tmp_path: Path) -> None:
     wanted = tmp_path / "run"
-    assert free_folder(wanted) == wanted
+    assert taken(wanted) == wanted
     (tmp_path / "run.incomplete").mkdir()
     (tmp_path / "run.incomplete" / MARKER).write_text("left")
-    assert free_folder(wanted) == wanted
+    assert taken(wanted) == wanted
     for number in ("run", "run-2", "run-3"):
         (tmp_path / number).mkdir()
-    assert free_folder(wanted) == tmp_path / "run-4"
+    (tmp_path / "run-4.incomplete").mkdir()
+    (tmp_path / "run-4.incomplete" / "mine.txt").write_text("mine")
+    assert taken(wanted) == tmp_path / "run-5"
+    assert (tmp_path / "run-4.incomplete" / "mine.txt").read_text() == "mine"
 
 
 def test_a_link_without_scans_has_no_picture(tmp_path: Path) -> None:
@@ -301,7 +311,7 @@ def test_killed_between_any_two_changes_of_the_disk(
             try:
                 folder.finish(record, SCENARIO)
             except Killed:
-                folder._lock.close()  # as the system does for a dead process
+                folder._lock.release(force=True)  # as the system does for a dead process
                 folder.rows.close()
                 return False
         return True
