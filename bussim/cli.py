@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import atexit
+import contextlib
 import importlib
 import io
 import logging
 import os
 import sys
 from collections.abc import Sequence
-from typing import NoReturn
 
 import click
 
 from bussim.errors import RunError, ScenarioError, UsageError
+from bussim.files import is_bad_path
 from bussim.version import __version__
 
 #: The commands, in the order of ``--help``, with their one-line descriptions.
@@ -40,8 +40,12 @@ COMMANDS = {
 #: Commands that are a folder of modules.
 _FOLDERS = frozenset({"exact", "fit", "poll", "size", "sniff"})
 
-#: Exit codes: a failed run, bad input, interrupted from the keyboard.
-FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
+#: Exit codes: a failed run, bad input; interrupted from the keyboard, terminated by the system.
+FAILED, BAD_INPUT, INTERRUPTED, TERMINATED = 1, 2, 130, 143
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM, which ends a command as Ctrl-C does, but for its exit code."""
 
 
 class _Commands(click.Group):
@@ -89,7 +93,11 @@ def cli() -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return the exit code. A user's mistake never shows a traceback."""
+    """Run the command line and return the exit code.
+
+    Everything that ends a command becomes a line on standard error here: never a traceback for a mistake of
+    the user, a place that cannot be written, too little memory, or an end that was asked for.
+    """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             # A file name or a µ that the terminal cannot show must not end the program.
@@ -100,42 +108,48 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code = cli.main(
             args=None if arguments is None else list(arguments), prog_name="bussim", standalone_mode=False
         )
-        sys.stdout.flush()
-    except (click.Abort, KeyboardInterrupt):
-        return INTERRUPTED
+        if sys.stdout is not None:  # it is closed
+            sys.stdout.flush()
+    except (click.Abort, KeyboardInterrupt) as error:
+        cause = error.__cause__ or error  # click makes an Abort of every interrupt
+        _say(str(cause) or "stopped")
+        return TERMINATED if isinstance(cause, Terminated) else INTERRUPTED
     except click.ClickException as error:
         error.show()
         return error.exit_code
-    except (ScenarioError, UsageError) as error:
-        click.echo(_lines(error), err=True)
+    except ScenarioError as error:
+        _say("\n".join(str(problem) for problem in error.problems))
+        return BAD_INPUT
+    except UsageError as error:
+        _say(f"Error: {error}")
         return BAD_INPUT
     except RunError as error:
-        click.echo(_lines(error), err=True)
+        _say(f"Error: {error}")
         return FAILED
     except BrokenPipeError:
-        # As click does it; Python flushes stdout once more at its end, which would complain again.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _discard_output()
         return FAILED
+    except MemoryError:
+        _say("Error: there is not enough memory for this")
+        return FAILED
+    except OSError as error:
+        where = error.filename or "standard output, or a file,"
+        _say(f"Error: {where}: {error.strerror or error}")
+        _discard_output()
+        return BAD_INPUT if is_bad_path(error) else FAILED
     return code if isinstance(code, int) else 0
 
 
-def _lines(error: ScenarioError | UsageError | RunError) -> str:
-    if isinstance(error, ScenarioError):
-        return "\n".join(str(problem) for problem in error.problems)
-    return f"Error: {error}"
+def _say(text: str) -> None:
+    """Print a line on standard error, where that is still open."""
+    with contextlib.suppress(OSError):
+        click.echo(text, err=True)
 
 
-def program() -> NoReturn:
-    """Run the command line as a process of its own: ``python -m bussim``."""
-    code = main()
-    if code == INTERRUPTED:
-        # With -m, Python ends itself by SIGINT (-2, not 130) once an interrupt has left a text's exec(), as
-        # dataclasses are made by one, even where it was caught since. What runs at its end is run here.
-        atexit._run_exitfuncs()  # noqa: SLF001 - what was registered must run, and nothing public runs it
-        sys.stderr.flush()
-        os._exit(code)
-    sys.exit(code)
-
-
-if __name__ == "__main__":
-    program()
+def _discard_output() -> None:
+    """Keep what could not be written from being written once more, with a complaint, when Python ends."""
+    if sys.stdout is not None:
+        with contextlib.suppress(OSError):
+            sys.stdout.flush()
+            return
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

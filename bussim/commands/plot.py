@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from bussim.errors import UsageError
+from bussim.files import not_written
 
 if TYPE_CHECKING:
     from bussim.results.plots.style import Picture
@@ -209,5 +210,5 @@ def _folder(folders: Sequence[Path], out: str | None) -> Path:
     try:
         target.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise UsageError(f"--out {out}: cannot be made: {error.strerror or error}") from error
+        raise not_written(target, error) from error
     return target

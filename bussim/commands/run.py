@@ -73,9 +73,8 @@ def command(
                 numbered=out is None and not force,
                 progress=progress,
             )
-    except KeyboardInterrupt:
-        click.echo("stopped: the run was not finished and left no results", err=True)
-        raise
+    except KeyboardInterrupt as error:
+        raise type(error)("stopped: the run was not finished and left no results") from None
     if as_json:
         print_json(result.summary)
     else:

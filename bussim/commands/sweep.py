@@ -100,9 +100,8 @@ def command(
                 numbered=out is None and not force,
                 progress=progress,
             )
-    except KeyboardInterrupt:
-        click.echo("stopped: what was run is kept, the same command goes on from there", err=True)
-        raise
+    except KeyboardInterrupt as error:
+        raise type(error)("stopped: what was run is kept, the same command goes on from there") from None
     if as_json:
         print_json(result.summary)
     else:

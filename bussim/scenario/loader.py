@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,7 +13,7 @@ from bussim.errors import Problem, ScenarioError, UsageError
 from bussim.scenario import builtin
 from bussim.scenario.model import Scenario
 from bussim.scenario.yaml import parser as yaml
-from bussim.scenario.yaml.files import Files
+from bussim.scenario.yaml.files import Files, kind_of
 from bussim.scenario.yaml.overrides import Override, apply_overrides
 from bussim.scenario.yaml.plain import copied
 from bussim.scenario.yaml.source_map import Report, SourceMap
@@ -96,8 +97,9 @@ def examine(
 
 def _bytes(path: Path, shown: str) -> bytes:
     try:
-        if path.is_dir():
-            message = "is a directory, not a scenario file"
+        mode = path.stat().st_mode
+        if not stat.S_ISREG(mode):  # reading a pipe would wait
+            message = f"is {kind_of(mode)}, not a scenario file"
         else:
             with path.open("rb") as file:
                 return file.read(yaml.MAX_BYTES + 1)

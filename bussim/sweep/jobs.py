@@ -103,7 +103,7 @@ def run_job(job: Job) -> Outcome:
             scenario = replace(scenario, seed=job.seed)
         summary = api.run(scenario, rows=False).summary
         return Outcome(job.run, figures_of(summary, masters_of(scenario)))
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         return Outcome(job.run, None, f"{type(error).__name__}: {error}")
 
 

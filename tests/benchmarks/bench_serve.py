@@ -68,7 +68,7 @@ def measure(device: str, station: int, seconds: float) -> list[float]:
 
 def serve(*words: str, output: int = subprocess.DEVNULL) -> subprocess.Popen[bytes]:
     """Start a process that serves, and wait until it does."""
-    command = [sys.executable, "-m", "bussim.cli", "serve", *words, "--json"]
+    command = [sys.executable, "-m", "bussim", "serve", *words, "--json"]
     process = subprocess.Popen(command, cwd=ROOT, stdout=output, stderr=subprocess.PIPE)
     assert process.stderr is not None
     while b"Ctrl-C" not in (line := process.stderr.readline()):

@@ -210,7 +210,7 @@ def test_a_line_is_listened_to_and_recorded(tmp_path: Path) -> None:
     with ServedSlave(fmt=CharFormat(8, "N", 1)) as slave:
         link = tmp_path / "tap"
         command = [
-            sys.executable, "-m", "bussim.cli", "sniff", f"pty:{link}", "--bridge", slave.device,
+            sys.executable, "-m", "bussim", "sniff", f"pty:{link}", "--bridge", slave.device,
             "--protocol", "modbus-rtu", "-b", "115200", "-P", "none", "--out", str(folder), "--json",
         ]  # fmt: skip
         running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

@@ -41,6 +41,8 @@ def checked_target(path: Path, endings: Sequence[str], *, force: bool, option: s
         raise UsageError(f"{path} ends in {path.suffix or 'nothing'}; write a name that ends in {allowed}")
     if path.is_dir():
         raise UsageError(f"{path} is a folder; name a file")
+    if path.exists() and not path.is_file():
+        raise UsageError(f"{path} is no plain file, and is not replaced even by --force; name a file")
     if path.exists() and not force:
         raise UsageError(f"{path} exists; choose another name with {option}, or replace it with --force")
     if not path.parent.is_dir():
@@ -56,7 +58,7 @@ def traced_again(folder: Path) -> str:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file beside its target and move it there. Raises UsageError where that fails."""
+    """Write a file beside its target and move it there; raises as :func:`bussim.files.written_whole`."""
     with written_whole(path) as part:
         part.write_text(text, encoding="utf-8", newline="\n")
 

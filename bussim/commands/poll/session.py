@@ -12,7 +12,7 @@ from bussim.commands.common.output import print_json
 from bussim.commands.sniff.tally import statistics
 from bussim.engines.modbus.codes import MEANINGS
 from bussim.engines.modbus.pdu import READS
-from bussim.errors import UsageError
+from bussim.files import not_written
 from bussim.live.polling import PollTurns, Turn
 from bussim.live.wire import Wire
 from bussim.results.meters.histogram import Histogram
@@ -181,7 +181,7 @@ def _table(path: Path) -> CsvTable:
     try:
         return CsvTable(path, COLUMNS)
     except OSError as error:
-        raise UsageError(f"{path} cannot be written: {error.strerror or error}") from error
+        raise not_written(path, error) from error
 
 
 def _row(turn: Turn, planned: Planned) -> tuple[str | int | None, ...]:

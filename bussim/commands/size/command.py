@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bussim.commands.common.output import busy, show_carried
+from bussim.commands.common.output import busy, show_carried, write_text
 from bussim.commands.common.scenario_options import code_option, set_option
 from bussim.commands.size.uniform_link import DEFAULT_PROFILE, DEFAULT_SCAN, uniform_link
 from bussim.errors import RunError, UsageError
@@ -148,7 +148,7 @@ def _write(scenario: Scenario, found: dict[str, Sizing], text: str, folder: Path
 
     folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / "size.json"]
-    paths[0].write_text(text + "\n", encoding="utf-8")
+    write_text(paths[0], text + "\n")
     for bus, stem in file_names(found).items():
         sizing = found[bus]
         if not sizing.valid:

@@ -11,6 +11,7 @@ from bussim.devices.map.values import Fixed, Value
 from bussim.engines.modbus.codes import ExceptionCode
 from bussim.engines.modbus.pdu import FUNCTIONS
 from bussim.engines.modbus.server import Space
+from bussim.errors import RunError
 
 _ZERO = Fixed(0)
 
@@ -76,6 +77,8 @@ class UserMap(AreaMap):
         try:
             for address in range(first, first + part.size, width):
                 values += _words(self._entries[area], self._item(area, address, now))
+        except SystemExit as error:
+            raise RunError(f"the function of {area.name} called sys.exit({error.code})") from error
         except Exception as error:
             # A user's function may raise anything; for the master its device has failed.
             self._failures.append(ValueFailed(now, area.name, f"{type(error).__name__}: {error}"))

@@ -22,6 +22,12 @@ _KINDS = (
     (stat.S_ISBLK, "a device of the system"),
 )
 
+
+def kind_of(mode: int) -> str:
+    """What something is that is no plain file, with its article."""
+    return next((kind for test, kind in _KINDS if test(mode)), "no plain file")
+
+
 #: Codings of programming tools, those of code pages in the order in which they are tried: few Japanese
 #: texts are GB 2312 too.
 _CODECS = {
@@ -129,8 +135,7 @@ class Files:
             return f"but there is no such file {where}" + (f"; did you mean {near}?" if near else "")
         except ValueError:  # a NUL in the name
             return f"but there is no such file {where}"
-        kind = next((kind for test, kind in _KINDS if test(mode)), "no plain file")
-        return f"which is {kind}; expected a file of text"
+        return f"which is {kind_of(mode)}; expected a file of text"
 
     def _nearest(self, path: Path) -> str | None:
         """The file in the same folder with the nearest name, of the same kind."""

@@ -53,7 +53,7 @@ class Code:
                 found = getattr(importlib.import_module(module), function, None)
         except ModuleNotFoundError as error:
             raise ValueError(f"is {name}, but there is no module {error.name}") from None
-        except Exception as error:  # whatever a user's module does when it is loaded
+        except (Exception, SystemExit) as error:  # whatever a user's module does when it is loaded
             what = f"{type(error).__name__}: {error}"[:200]
             raise ValueError(f"is {name}, but loading {module} fails: {what}") from None
         if not callable(found):

@@ -208,7 +208,7 @@ def test_ctrl_c_ends_it_with_summary_and_whole_files(slave: ServedSlave, tmp_pat
     command = [
         sys.executable,
         "-m",
-        "bussim.cli",
+        "bussim",
         "poll",
         slave.device,
         *LINE,

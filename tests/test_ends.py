@@ -1,0 +1,193 @@
+"""How commands end that cannot do what they are asked: a line on standard error, the exit code, nothing left."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from threading import Barrier
+
+import pytest
+
+from bussim.cli import main
+from bussim.errors import RunError, UsageError
+from bussim.files import written_whole
+from bussim.results.store.folder import RunFolder
+
+ROOT = Path(__file__).parents[1]
+posix = pytest.mark.skipif(sys.platform == "win32", reason="devices, pipes and signals of POSIX")
+
+
+def program(*arguments: str, cwd: Path, **options: object) -> subprocess.Popen[str]:
+    return subprocess.Popen(  # type: ignore[call-overload, no-any-return]
+        [sys.executable, "-m", "bussim", *arguments],
+        cwd=cwd,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        text=True,
+        **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **options},
+    )
+
+
+def ended(*arguments: str, cwd: Path, **options: object) -> tuple[int, str]:
+    process = program(*arguments, cwd=cwd, **options)
+    _, error = process.communicate()
+    return process.returncode, error
+
+
+@posix
+@pytest.mark.parametrize("words", [["scenarios"], ["exact", "two_stations"], ["--help"]], ids=lambda w: w[0])
+def test_standard_output_that_is_full_or_closed(words: list[str], tmp_path: Path) -> None:
+    with Path("/dev/full").open("w") as full:
+        code, error = ended(*words, cwd=tmp_path, stdout=full)
+    assert (code, error.count("\n")) == (1, 1)
+    assert "No space left on device" in error
+    code, error = ended(*words, cwd=tmp_path, preexec_fn=lambda: os.close(1))
+    assert (code, error) == (0, "")
+
+
+@posix
+def test_a_reader_that_went_away(tmp_path: Path) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "w") as pipe:
+        assert ended("scenarios", cwd=tmp_path, stdout=pipe) == (1, "")
+
+
+@posix
+@pytest.mark.parametrize("command", ["check", "run", "exact", "size", "sweep"])
+def test_what_is_no_scenario_file(command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    os.mkfifo(tmp_path / "pipe.yaml")
+    (tmp_path / "loop.yaml").symlink_to("loop.yaml")
+    more = ["--vary", "seed=1,2"] if command == "sweep" else []
+    for name, word in (
+        ("pipe.yaml", "pipe"),
+        ("loop.yaml", "symbolic links"),
+        ("x" * 300, "too long"),
+        ("", "folder"),
+    ):
+        assert main([command, str(tmp_path / name), *more]) == 2
+        error = capsys.readouterr().err
+        assert word in error, name
+        assert error.count("\n") == 1
+
+
+def obey_modes() -> None:
+    """Let root be stopped by a file's mode as any user is, by dropping what lifts it (see capabilities(7))."""
+    libc = ctypes.CDLL(None)
+    for capability in (1, 2):  # CAP_DAC_OVERRIDE, CAP_DAC_READ_SEARCH
+        libc.prctl(24, capability, 0, 0, 0)  # PR_CAPBSET_DROP
+
+
+@posix
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["run", "--duration", "1s", "--out", "?/x"],
+        ["sweep", "two_stations", "--duration", "1s", "--vary", "seed=1", "--out", "?/x"],
+        ["size", "two_stations", "--out", "?/x"],
+        ["watch", "interlock", "--devices", "press1.D8201", "--csv", "?/x.csv"],
+        ["scenarios", "two_stations", "--copy", "?/x.yaml"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_folder_that_may_not_be_entered(words: list[str], tmp_path: Path) -> None:
+    locked = tmp_path / "locked"
+    locked.mkdir()
+    locked.chmod(0)
+    code, error = ended(
+        *[word.replace("?", str(locked)) for word in words], cwd=tmp_path, preexec_fn=obey_modes
+    )
+    locked.chmod(0o700)
+    assert "Traceback" not in error
+    assert str(locked) in error
+    assert "Permission denied" in error
+    assert error.count("\n") == 1
+    assert code == 1
+
+
+def test_two_writers_of_one_file(tmp_path: Path) -> None:
+    target = tmp_path / "x.vcd"
+    (tmp_path / "x.vcd.part").write_text("mine")
+
+    def write(number: int) -> None:
+        with written_whole(target) as part, part.open("w") as file:
+            for _ in range(200):
+                file.write(f"{number}\n")
+
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(write, range(64)))
+    assert len(set(target.read_text().split())) == 1
+    assert len(target.read_text().split()) == 200
+    assert (tmp_path / "x.vcd.part").read_text() == "mine"
+    assert {path.name for path in tmp_path.iterdir()} == {"x.vcd", "x.vcd.part"}
+
+
+def test_a_file_has_the_rights_of_any_other(tmp_path: Path) -> None:
+    (tmp_path / "other").touch()
+    with written_whole(tmp_path / "new") as part:
+        part.write_text("x")
+    assert (tmp_path / "new").stat().st_mode == (tmp_path / "other").stat().st_mode
+
+
+def test_errors_of_writing_by_what_is_at_fault(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    for path in (tmp_path / "file" / "x", tmp_path / "none" / "x", tmp_path / ("x" * 300)):
+        with pytest.raises(UsageError, match="cannot be written"), written_whole(path) as part:
+            part.write_text("x")
+
+    def full() -> None:
+        with written_whole(tmp_path / "y"):
+            raise OSError(28, "No space left on device")
+
+    with pytest.raises(RunError, match="y cannot be written: No space left on device"):
+        full()
+    assert {path.name for path in tmp_path.iterdir()} == {"file"}
+
+
+@posix
+def test_many_runs_take_folders_of_their_own(tmp_path: Path) -> None:
+    all_taken = Barrier(8)
+
+    def take(_: int) -> Path:
+        with RunFolder(tmp_path / "run", rows=False, traced=False, fmt="csv", numbered=True) as folder:
+            all_taken.wait()
+            return folder.target
+
+    with ThreadPoolExecutor(8) as pool:
+        taken = list(pool.map(take, range(8)))
+    assert len(set(taken)) == 8
+    assert not any(tmp_path.iterdir())
+
+
+@posix
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["run", "--duration", "100h", "--out", "o"],
+        ["sweep", "press_line", "--duration", "100h", "--vary", "seed=1,2,3", "--workers", "2", "--out", "o"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_signal_ends_a_command_in_order(
+    words: list[str], number: signal.Signals, code: int, tmp_path: Path
+) -> None:
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        process = program(*words, cwd=tmp_path)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    while process.poll() is None and not (tmp_path / "o.incomplete").exists():
+        time.sleep(0.01)
+    time.sleep(0.3)
+    process.send_signal(number)
+    out, error = process.communicate()
+    assert process.returncode == code, error
+    assert (out, error.strip().count("\n")) == ("", 0), error
+    assert error.strip().startswith("stopped: ")
+    assert {path.name for path in tmp_path.iterdir()} <= {"o.incomplete"}
