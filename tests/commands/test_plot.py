@@ -186,7 +186,7 @@ def test_mistakes(here: Path, runs: Path, capsys: pytest.CaptureFixture[str]) ->
         ([seed1, "--bus", "lonk"], "no N:N link 'lonk'; it has 'link'"),
         ([seed1, seed1], "named twice"),
         ([seed1, "--kind", "pie"], "pie"),
-        ([seed1, "--out", "file"], "--out file: cannot be made"),
+        ([seed1, "--out", "file"], "file cannot be written: File exists"),
         ([seed1, "--port", "press1.COM3"], "no Modbus master 'press1.COM3'; it has none"),
         (
             [seed1, "--kind", "responses"],

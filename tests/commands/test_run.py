@@ -192,7 +192,7 @@ def test_an_interrupt_while_text_is_executed_ends_with_130(tmp_path: Path) -> No
         capture_output=True,
         text=True,
     )
-    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "stopped\n")
 
 
 @pytest.mark.slow
