@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from collections.abc import Iterator
 
 import pytest
 from hypothesis import settings
 
-# How long an example takes is no test's verdict. Every run draws other examples: fewer at a time keep the
-# whole suite short, and `--hypothesis-profile=patient` tries many more. Where CI is set they are always the
-# same, so that its verdict is about the change and not about the draw.
+# How long an example takes is no test's verdict. Every run draws other examples: few at a time keep the whole
+# suite short, and `-m "hypothesis and not slow" --hypothesis-profile=patient`, which .ci/run does as well, tries
+# many more. Where CI is set they are always the same, so that its verdict is about the change and not about the draw.
 settings.register_profile("untimed", deadline=None, max_examples=25, derandomize="CI" in os.environ)
-settings.register_profile("patient", deadline=None, max_examples=1000)
+settings.register_profile("patient", settings.get_profile("untimed"), max_examples=200)
 settings.load_profile("untimed")
+
+
+gc.disable()  # nothing of what collecting makes can go
+
+
+def pytest_collection_finish() -> None:
+    """Leave the thousands of collected tests out of every later search for garbage."""
+    gc.freeze()
+    gc.enable()
 
 
 def pytest_xdist_auto_num_workers() -> int | None:

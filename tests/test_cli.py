@@ -15,7 +15,6 @@ import pytest
 from bussim import cli
 from bussim.errors import Problem, RunError, ScenarioError, UsageError
 from bussim.version import __version__
-from tests.selection import quick
 
 ROOT = Path(__file__).parents[1]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}
@@ -60,7 +59,8 @@ def test_check_imports_no_results_and_no_plots() -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows finds its folders without HOME")
-@pytest.mark.parametrize("home", quick(1, ("/dev/null/nobody", "")))
+@pytest.mark.slow
+@pytest.mark.parametrize("home", ["/dev/null/nobody", ""])
 def test_without_a_home_a_run_draws_and_complains_of_nothing(home: str, tmp_path: Path) -> None:
     code = (
         "import sys; from bussim.cli import main; sys.exit(main(['run', '--duration', '1s', '--out', 'o']))"

@@ -16,6 +16,8 @@ from pathlib import Path
 from types import ModuleType, UnionType
 from typing import Any, get_args, get_type_hints
 
+import pytest
+
 import bussim
 from bussim.plc import profiles
 from bussim.plc.profiles import Profile
@@ -231,6 +233,7 @@ def choices_of(
     return choices.found
 
 
+@pytest.mark.slow
 def test_every_choice_names_all_kinds() -> None:
     families, found = unions(), {}
     for name, module, tree in modules():

@@ -108,6 +108,7 @@ def resolves(target: str, module: str, tree: ast.Module, scope: ast.ClassDef | N
     return False
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", ["", *PARTS])
 def test_every_cross_reference_leads_somewhere(part: str) -> None:
     wrong = []

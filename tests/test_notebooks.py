@@ -1,4 +1,4 @@
-"""The notebooks run from a clean install; all but the first one in the slow pass."""
+"""The notebooks run from a clean install."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from bussim.scenario import builtin
 from bussim.scenario.schema.profiles import ProfileIn, TurnaroundIn
 from bussim.scenario.yaml.dump import dumps
 from bussim.sweep.tables import HIGH, LOW, NEEDED
-from tests.selection import quick
 
 NOTEBOOKS = sorted((Path(__file__).parent.parent / "notebooks").glob("*.ipynb"))
 
 
 @pytest.mark.filterwarnings("ignore")  # Jupyter's own, about its event loop and transport
-@pytest.mark.parametrize("path", quick(1, NOTEBOOKS), ids=lambda path: path.stem)
+@pytest.mark.slow
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_notebook_runs(path: Path, tmp_path: Path) -> None:
     notebook = nbformat.read(path, as_version=4)
     resources = {"metadata": {"path": str(tmp_path)}}

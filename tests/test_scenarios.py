@@ -13,6 +13,7 @@ import pytest
 
 import bussim
 from bussim.scenario import builtin
+from tests.selection import quick_names
 
 RECORDED = Path(__file__).parent / "recorded"
 #: The kinds of line that a user must find among the built-in scenarios.
@@ -35,6 +36,16 @@ WANTED = {
     "wrong_parity",
     "bad_parameter",
 }
+#: What takes longest to simulate: in the slow pass.
+LONG = {
+    "bursts",
+    "drive_impulses",
+    "electrical_noise",
+    "interlock",
+    "nn_with_modbus",
+    "same_number_twice",
+    "two_masters",
+}
 
 
 def summary_text(name: str) -> str:
@@ -49,7 +60,7 @@ def test_nothing_is_missing() -> None:
     assert {path.stem for path in RECORDED.glob("*.json")} == set(builtin.names())
 
 
-@pytest.mark.parametrize("name", builtin.names())
+@pytest.mark.parametrize("name", quick_names(set(builtin.names()) - LONG, builtin.names()))
 def test_summary(name: str) -> None:
     assert summary_text(name) == (RECORDED / f"{name}.json").read_text(encoding="utf-8")
 

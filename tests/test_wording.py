@@ -7,6 +7,8 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
 import bussim
 from bussim.wording import counted
 
@@ -69,6 +71,7 @@ def plain_counts(tree: ast.AST) -> Iterator[tuple[int, str]]:
                 yield text.lineno, f"{{{shown}}}{noun[:30]}"
 
 
+@pytest.mark.slow
 def test_no_text_says_one_faults() -> None:
     found = {
         f"{path.name}:{line}": text

@@ -25,6 +25,7 @@ def file(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("command", [("run", "--no-rows", "--out"), ("exact",), ("size",)])
+@pytest.mark.usefixtures("pictures_undrawn")
 def test_they_are_the_first_line(
     command: tuple[str, ...], file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

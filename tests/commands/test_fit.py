@@ -52,7 +52,7 @@ def test_estimates_make_a_scenario_that_behaves_like_the_recording(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     output = tmp_path / "fitted.yaml"
-    found = fitted(capsys, str(run), "-o", str(output))
+    found = fitted(capsys, str(run), "-o", str(output), "--simulate", "20 s")
     link = found["link"]
     assert link["settings"] == {"slaves": 2, "mode": 1, "retries": 2, "timeout_ms": 60}
     assert link["stations"]["1"]["turnaround_ms"]["value"] == pytest.approx(1.5, rel=0.02)
@@ -133,6 +133,7 @@ noise:
 """
 
 
+@pytest.mark.usefixtures("pictures_undrawn")
 def test_a_modbus_bus(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file, output = tmp_path / "s.yaml", tmp_path / "fitted.yaml"
     file.write_text(BUS, encoding="utf-8")

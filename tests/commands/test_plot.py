@@ -15,13 +15,13 @@ PNG = b"\x89PNG\r\n\x1a\n"
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("plot")
     for seed in (1, 2):
-        # Pictures of the first ones are compared with those that `plot` draws.
-        with undrawn() if seed == 2 else nullcontext():
-            for name, scenario, duration in (
-                ("seed", "press_line", "3s"),
-                ("ports", "nn_with_modbus", "4s"),
-                ("words", "counter_preset", "5s"),
-            ):
+        for name, scenario, duration in (
+            ("seed", "press_line", "3s"),
+            ("ports", "nn_with_modbus", "4s"),
+            ("words", "counter_preset", "5s"),
+        ):
+            # Pictures of the first one are compared with those that `plot` draws.
+            with nullcontext() if (seed, name) == (1, "seed") else undrawn():
                 arguments = [
                     "run",
                     scenario,
@@ -97,9 +97,11 @@ def test_out_is_made(here: Path, runs: Path, capsys: pytest.CaptureFixture[str])
 
 @pytest.mark.slow
 def test_response_times_are_drawn_too(here: Path, runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    drawn_by_run = (runs / "ports1" / "response_time_press1.COM3.png").read_bytes()
+    again = ["run", str(runs / "ports1" / "scenario.yaml"), "--no-rows", "--out", "ports1"]
+    assert main(again) == 0
+    drawn_by_run = (here / "ports1" / "response_time_press1.COM3.png").read_bytes()
     capsys.readouterr()
-    assert main(["plot", str(runs / "ports1"), "--out", "all"]) == 0
+    assert main(["plot", "ports1", "--out", "all"]) == 0
     paths = printed(capsys)
     assert [path.name for path in paths if path.suffix == ".png"] == [
         "scan_time_link.png",

@@ -46,6 +46,7 @@ def rows(path: Path) -> list[dict[str, str]]:
         return [{from_cell(key): value for key, value in row.items()} for row in csv.DictReader(file)]
 
 
+@pytest.mark.usefixtures("pictures_undrawn")
 def test_a_sweep_from_the_command_line(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = [
         "sweep", "noisy.yaml", "--vary", f"{RETRIES}=0:2:1", "--vary", f"{TIMEOUT}=50ms,100ms",

@@ -39,6 +39,7 @@ def test_the_worst_link_scan_is_the_default(
     assert one.read_bytes() == other.read_bytes()
 
 
+@pytest.mark.usefixtures("pictures_undrawn")
 def test_json_adds_up(runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = said(capsys, runs / "traced", "--json", "-o", tmp_path / "a.svg")
     assert code == 0
@@ -50,6 +51,7 @@ def test_json_adds_up(runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[
     assert sum(part["lost"] and part["attempt"] is not None for part in scan["parts"]) == scan["failed"] == 6
 
 
+@pytest.mark.usefixtures("pictures_undrawn")
 def test_a_window_is_drawn_where_it_was_asked_for(
     runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -133,6 +135,7 @@ def test_not_the_folder_of_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert "is not the folder of a run" in err
 
 
+@pytest.mark.usefixtures("pictures_undrawn")
 def test_of_a_modbus_bus_the_longest_attempt_is_drawn(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -46,6 +46,7 @@ def test_the_scenario_is_whole_and_survives_being_written(alone: str) -> None:
         assert loads(ALONE + text) == found
 
 
+@pytest.mark.usefixtures("pictures_undrawn")
 def test_its_run_shows_what_there_is(alone: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "run"
     assert main(["run", alone, "--out", str(folder), "--trace"]) == 0

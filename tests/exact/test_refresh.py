@@ -167,6 +167,7 @@ def test_noise_that_all_receivers_share_makes_no_listener_refuse() -> None:
         assert gap_distribution(Solved(model), 2, receiver).per_scan == pytest.approx(poll * reply, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_gaps_that_are_not_worked_out_keep_their_mean() -> None:
     never = figures_of(with_burst(link(2, mode=0), 1, 1, 1.0, 0.0))
     refresh = never.refresh["p1->p2"]

@@ -30,6 +30,7 @@ from tests.export.samples import LINK, exported
 from tests.export.samples import trace as made_up
 from tests.export.test_waveforms import crowds
 from tests.export.waves import Lows, idle_before, merged, of_sr, of_vcd
+from tests.selection import quick
 
 #: A driver that is released late, two stations with one number, and one that jabbers; b is never polled and
 #: hears all of it.
@@ -132,7 +133,7 @@ def late() -> bussim.Result:
     return bussim.run(loads(LATE), trace=True)
 
 
-@pytest.mark.parametrize("to", ["sr", "vcd"])
+@pytest.mark.parametrize("to", quick(1, ["vcd", "sr"]))
 def test_a_reader_of_the_waveform_misses_the_frames_that_the_run_counts(
     late: bussim.Result, tmp_path: Path, to: str
 ) -> None:
@@ -161,7 +162,7 @@ def test_a_table_has_what_the_waveform_has(late: bussim.Result, tmp_path: Path) 
     assert all(row["heard"] != row["bytes"] for row in collided)
 
 
-@pytest.mark.parametrize("contention", ["undefined", "zero_wins"])
+@pytest.mark.parametrize("contention", quick(1, ["zero_wins", "undefined"]))
 def test_a_station_of_the_run_hears_what_the_file_has(
     monkeypatch: pytest.MonkeyPatch, contention: str
 ) -> None:
@@ -219,6 +220,7 @@ def test_the_lane_of_a_bus_is_its_level_to_the_microsecond(frames: list[FrameRec
     assert found == merged((microseconds(first), microseconds(last)) for first, last in level)
 
 
+@pytest.mark.slow
 def test_two_windows_of_a_file_have_the_levels_of_the_whole(tmp_path: Path) -> None:
     trace = bussim.run(loads(CROWD.replace("CONTENTION", "undefined")), trace=True).open_trace()
     whole = of_vcd(exported(trace, tmp_path / "whole.vcd", "vcd"))[0]

@@ -25,10 +25,11 @@ from tests.export.samples import (
     timing,
     trace,
 )
+from tests.selection import quick
 
 NN_UART = "baudrate=38400:data_bits=7:parity=even:stop_bits=1.0"
 OVEN_UART = "baudrate=19200:data_bits=8:parity=even:stop_bits=1.0"
-FORMATS = pytest.mark.parametrize("to", ["vcd", "sr"])
+FORMATS = pytest.mark.parametrize("to", quick(1, ["vcd", "sr"]))
 
 
 @FORMATS

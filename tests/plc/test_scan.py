@@ -6,7 +6,7 @@ from math import sqrt
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bussim.plc.scan import ScanCycle
@@ -27,7 +27,6 @@ def all_ends(cycle: ScanCycle, first: int, upto: int) -> list[int]:
 MEAN, JITTER = 1000, 400
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     began=st.integers(0, 10_000),
     phase=st.none() | st.integers(0, 3000),
@@ -176,7 +175,6 @@ class Loads:
         self.extra = extra
 
 
-@settings(max_examples=80, deadline=None)
 @given(
     jitter=st.sampled_from([0, JITTER, MEAN - 1]),
     seed=st.integers(0, 2**32),

@@ -10,6 +10,7 @@ import bussim
 from bussim.report.trace_window import TraceWindow, read_window, worst_window
 from bussim.results.run_record import RunRecord
 from bussim.trace.file import Trace, read_trace
+from tests.undrawn import undrawn
 
 #: Eight stations on a line so noisy that some link scan repeats a poll.
 EIGHT = """\
@@ -43,7 +44,8 @@ def eight_folder() -> Path:
     folder = Path(mkdtemp(prefix="bussim-eight-"))
     scenario = folder / "eight.yaml"
     scenario.write_text(eight_stations(), encoding="utf-8")
-    bussim.run(scenario, out=folder / "run", trace=True)
+    with undrawn():
+        bussim.run(scenario, out=folder / "run", trace=True)
     return folder / "run"
 
 

@@ -134,8 +134,9 @@ def test_the_times_of_any_scan_add_up_to_the_microsecond(
 
 
 @pytest.mark.parametrize("name", quick_names(["undetected_corruption"], builtin.names()))
+@pytest.mark.usefixtures("pictures_undrawn")
 def test_every_explanation_of_a_built_in_scenario_adds_up(name: str, tmp_path: Path) -> None:
-    bussim.run(bussim.load(name, ["duration=30 s"]), out=tmp_path / "run", trace=True)
+    bussim.run(bussim.load(name, ["duration=15 s"]), out=tmp_path / "run", trace=True)
     trace, record = opened(tmp_path / "run")
     for bus, link in record.links.items():
         window = read_window(trace, record, bus, 0, record.duration)

@@ -32,6 +32,7 @@ def test_three_lines_in_a_notebook() -> None:
     assert link["scan_time_ms"]["mean"] == pytest.approx(result.link_scans["duration_ms"].mean())
 
 
+@pytest.mark.usefixtures("pictures_undrawn")
 def test_memory_and_folder_hold_the_same(tmp_path: Path) -> None:
     scenario = bussim.load("press_line", SHORT)
     there = bussim.run(scenario, trace=True)
@@ -47,8 +48,9 @@ def test_memory_and_folder_hold_the_same(tmp_path: Path) -> None:
         assert other.record.histograms() == there.record.histograms()
 
 
+@pytest.mark.usefixtures("pictures_undrawn")
 def test_ports_in_memory_and_in_a_folder(tmp_path: Path) -> None:
-    scenario = bussim.load("nn_with_modbus", ["duration=5 s"])
+    scenario = bussim.load("nn_with_modbus", ["duration=3 s"])
     there = bussim.run(scenario, trace=True)
     written = bussim.run(scenario, trace=True, out=tmp_path / "run")
     opened = bussim.open_run(tmp_path / "run")

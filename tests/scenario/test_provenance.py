@@ -18,6 +18,7 @@ from bussim.exact.sizing.assumptions import rests_on
 from bussim.scenario.loader import loads
 from bussim.scenario.model import Scenario
 from bussim.scenario.provenance import ASSUMED, CLASSES, DERIVED, ENTERED, FIGURES, classes, link_inputs
+from tests.selection import quick
 
 LINE = """\
 schema: 1
@@ -103,7 +104,9 @@ def test_the_weakest_input_is_the_class_of_a_figure() -> None:
     assert set(found.values()) <= set(CLASSES)
 
 
-@pytest.mark.parametrize("scenario", ["electrical_noise", "press_line", "dead_from_start", "bursts"])
+@pytest.mark.parametrize(
+    "scenario", quick(2, ["dead_from_start", "press_line", "electrical_noise", "bursts"])
+)
 def test_every_figure_of_a_link_has_a_class(scenario: str) -> None:
     result = CliRunner().invoke(exact, [scenario, "--json", "--ignore-faults", "--deadline", "100ms"])
     worked_out = json.loads(result.stdout)["links"]["link"]
@@ -150,6 +153,8 @@ def test_only_what_a_profile_gives_can_be_measured() -> None:
         line(SLAVE="{base: pw10, measured: {turnaround: line.sr}}")
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("pictures_undrawn")
 def test_a_fit_says_where_it_was_measured(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bussim.run(loads(_short("electrical_noise")), out=tmp_path / "run", trace=True)
     fitted = str(tmp_path / "fitted.yaml")

@@ -14,6 +14,7 @@ from bussim.plc.profiles import Reply, Turnaround
 from bussim.plc.sources import Constant, Counter
 from bussim.scenario import fault_kinds, model
 from bussim.trace.records import FrameRecord
+from tests.selection import quick
 from tests.sim import chance
 from tests.sim.build import (
     CHAR,
@@ -207,7 +208,7 @@ def _whole_scenario(seed: int) -> model.Scenario:
     )
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", quick(20, range(40)))
 def test_the_shared_areas_are_what_the_trace_says(seed: int) -> None:
     """Every station's copies, at random instants, against the frames and who heard them."""
     scenario = _whole_scenario(seed)

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bussim.sim.kernel import DEADLINES, FAULT, HEARING, SENDING, Kernel, Timer
@@ -51,7 +51,6 @@ class Play:
                 timer.set(self.kernel.now + delay)
 
 
-@settings(max_examples=300, deadline=None)
 @given(first=OPS, script=st.lists(OPS, max_size=30), steps=st.lists(st.integers(1, 9), max_size=12))
 def test_chained_timers_fire_when_and_in_the_order_in_which_set_ones_do(
     first: list[tuple[int, int | None, bool]],

@@ -164,7 +164,7 @@ def test_a_returning_station_copies_latched_bits_although_it_asks_for_the_error_
 PLAIN = """
 schema: 1
 name: PLCs without a program
-duration: 90 s
+duration: 50 s
 seed: 1
 buses: [{name: link, nn: true}, {name: b, baud: 19200}]
 plcs:

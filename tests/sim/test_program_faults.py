@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import pytest
 
 from bussim.results.collector import Collector
@@ -25,6 +27,7 @@ plcs:
 {faults}"""
 
 
+@cache
 def met(program: str, phase: str = "8 ms", faults: str = "") -> tuple[RunTotals, list[NoteRecord]]:
     lines = "\n".join(f"      {line}" for line in program.split(" / "))
     collector = Collector()

@@ -121,6 +121,7 @@ def test_killed_at_any_step_it_goes_on_where_it_was(
     assert steps > 12
 
 
+@pytest.mark.slow
 def test_replacing_another_sweep_may_be_killed_at_any_step(
     sweep: Callable[..., SweepResult], tmp_path: Path
 ) -> None:

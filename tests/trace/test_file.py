@@ -277,6 +277,7 @@ def test_what_is_not_there_is_said(tmp_path: Path) -> None:
         read_trace(tmp_path / "t.jsonl")
 
 
+@pytest.mark.usefixtures("pictures_undrawn")
 def test_a_run_is_traced_whole(tmp_path: Path) -> None:
     scenario = bussim.load("press_line", ["duration=1 s"])
     written = bussim.run(scenario, trace=True, out=tmp_path / "run")

@@ -125,7 +125,7 @@ class Picture(Figure):
     def wrapped(self, text: str, points: float, inches: float) -> str:
         """A text on lines of at most so many inches, without what matplotlib would take for a formula."""
         lines = [""]
-        for word in text.split(" "):
+        for word in [text] if self.width_of(text, points) <= inches else text.split(" "):
             for index, part in enumerate([word] if self.width_of(word, points) <= inches else word):
                 joined = f"{lines[-1]} {part}" if lines[-1] and not index else lines[-1] + part
                 if lines[-1] and self.width_of(joined, points) > inches:

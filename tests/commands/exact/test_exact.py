@@ -199,6 +199,7 @@ def test_a_link_of_equal_stations_is_sized_as_its_file_would_be(
     assert link(size, *DESCRIBED, *more) == link(size, str(tmp_path / "four.yaml"), *more)
 
 
+@pytest.mark.slow
 def test_a_link_of_equal_stations_by_its_defaults() -> None:
     assert uniform_link(2, 0) == uniform_link(2, 0, profile="pw10", scan="10 ms", ber=0)
     found = link(size, "--stations", "2")

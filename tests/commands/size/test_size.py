@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from bussim.commands.size.command import command as size
 from bussim.exact.from_scenario import from_scenario
 from bussim.exact.link import LinkModel
 from bussim.scenario.model import Scenario
+from tests.selection import quick
 
 #: Five stations of a packing line with different PLC scans, mode 2. ``{noise}`` is its noise.
 PACKING = """\
@@ -49,19 +51,21 @@ noise: [{bus: link, ber: 1.0e-5}]
 """
 
 
-@pytest.fixture
-def packing(tmp_path: Path) -> str:
-    path = tmp_path / "packing.yaml"
+@pytest.fixture(scope="module")
+def packing(tmp_path_factory: pytest.TempPathFactory) -> str:
+    path = tmp_path_factory.mktemp("size") / "packing.yaml"
     path.write_text(PACKING.format(noise=""), encoding="utf-8")
     return str(path)
 
 
+@cache
 def sized(*args: str) -> dict[str, object]:
     result = CliRunner().invoke(size, [*args, "--json"])
     found: dict[str, object] = json.loads(result.stdout)["links"]["link"]
     return found
 
 
+@cache
 def printed(*args: str) -> str:
     return CliRunner().invoke(size, args).stdout
 
@@ -102,6 +106,7 @@ def test_all_conflicts_are_named_with_figures_on_the_safe_side(packing: str) -> 
     assert errors["helps"] == ["dead<=486ms instead of dead<=330ms (then D8179 7, D8180 5)"]
 
 
+@pytest.mark.slow
 def test_a_longer_timeout_is_not_better_for_its_slower_scans(tmp_path: Path) -> None:
     path = tmp_path / "noisy.yaml"
     path.write_text(PACKING.format(noise="noise: [{bus: link, ber: 2.0e-5}]"), encoding="utf-8")
@@ -114,7 +119,7 @@ def test_a_longer_timeout_is_not_better_for_its_slower_scans(tmp_path: Path) -> 
     assert max(row["one_dead_ms"] for row in front) < 1_000  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize("retries", [0, 3])
+@pytest.mark.parametrize("retries", quick(1, [0, 3]))
 def test_the_reading_of_d8179_is_the_profiles(retries: int, tmp_path: Path) -> None:
     path = tmp_path / "reading.yaml"
     path.write_text(READING, encoding="utf-8")
@@ -123,7 +128,9 @@ def test_the_reading_of_d8179_is_the_profiles(retries: int, tmp_path: Path) -> N
     assert found["recommended"]["attempts"] == 4  # type: ignore[index]
 
 
-@pytest.mark.parametrize("noise", ["[]", "[{bus: link, ber: 1.0e-12}]", "[{bus: link, ber: 1.0e-9}]"])
+@pytest.mark.parametrize(
+    "noise", quick(1, ["[{bus: link, ber: 1.0e-9}]", "[]", "[{bus: link, ber: 1.0e-12}]"])
+)
 def test_typing_in_a_little_noise_changes_nothing(noise: str) -> None:
     best = sized("press_line", "--set", f"noise={noise}")["recommended"]
     assert best["D8179"] == 4  # type: ignore[index]
@@ -309,6 +316,7 @@ def test_a_refusal_shows_more_noise_too() -> None:
     assert all(row.endswith("no setting meets the goals there") for row in rows)
 
 
+@pytest.mark.slow
 def test_where_nearly_every_scan_has_an_error_no_figure_a_year_is_given() -> None:
     """More noise makes scans longer, so that errors a year would fall."""
     said = printed("electrical_noise", "--set", "noise.0.ber=3e-4", *goals("ride>=0"))
@@ -325,8 +333,8 @@ def test_a_heartbeat_that_is_advised_is_the_least_that_all_goals_allow(packing: 
     assert sized(packing, *goals(f"heartbeat={preset - 10}ms@1/y"))["recommended"] is None
 
 
-def test_a_time_of_many_ms_is_shown_in_seconds(packing: str) -> None:
-    said = printed(packing, *goals("heartbeat=100000ms@1/y", "scan<=12345ms@0.1"))
+def test_a_time_of_many_ms_is_shown_in_seconds() -> None:
+    said = printed("--stations", "2", *goals("heartbeat=100000ms@1/y", "scan<=12345ms@0.1"))
     assert "a heartbeat of 100 s missed" in said
     assert "a scan over 12.345 s with" in said
 

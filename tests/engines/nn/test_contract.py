@@ -8,7 +8,7 @@ from inspect import isfunction, signature
 from typing import get_args
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bussim.engines.contract import (
@@ -259,7 +259,6 @@ def frame_of(engine: Either, name: object, rest: list[object]) -> Frame | None:
 
 
 @each_engine
-@settings(deadline=None, max_examples=150)
 @given(history=st.lists(ops, max_size=30), probe=st.booleans(), on_edge=st.booleans())
 def test_whole_frames_and_their_characters_are_the_same(
     make: Make, history: list[tuple[object, ...]], probe: bool, on_edge: bool
@@ -276,7 +275,6 @@ def test_whole_frames_and_their_characters_are_the_same(
 
 
 @each_engine
-@settings(deadline=None, max_examples=150)
 @given(
     history=st.lists(
         st.one_of(
@@ -294,7 +292,6 @@ def test_random_characters_never_raise(make: Make, history: list[tuple[object, .
     assert all(0 <= count <= 32767 for count in limits.counts)
 
 
-@settings(deadline=None, max_examples=150)
 @given(history=st.lists(ops, max_size=40))
 def test_a_master_can_always_go_on(history: list[tuple[object, ...]]) -> None:
     """In RUN it either has something to send or an attempt that ends by itself, never both or neither."""
@@ -309,7 +306,6 @@ def test_a_master_can_always_go_on(history: list[tuple[object, ...]]) -> None:
         assert not any(item.reply for item in twin.transmits)
 
 
-@settings(deadline=None, max_examples=150)
 @given(history=st.lists(ops, max_size=40))
 def test_a_slave_replies_to_every_poll_of_its_own_once(history: list[tuple[object, ...]]) -> None:
     engine = new_slave()

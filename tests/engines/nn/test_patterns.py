@@ -13,7 +13,7 @@ from itertools import combinations
 from math import comb
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bussim.engines.nn.frames import FrameReader, encode_poll
@@ -190,7 +190,6 @@ def test_enumerated_patterns_do_pass(station: int, counter: int) -> None:
     assert set(passed) <= set(undetected_by_enumeration(station, counter))
 
 
-@settings(deadline=None, max_examples=200)
 @given(
     flips=st.sets(st.integers(0, BITS - 1), max_size=12),
     station=st.integers(1, 7),
@@ -228,7 +227,6 @@ class Watched(Wave):
         return fall
 
 
-@settings(deadline=None, max_examples=200)
 @given(flips=st.sets(st.integers(0, BITS - 1), max_size=12))
 def test_a_character_depends_only_on_what_lies_between_ready_and_ready(flips: set[int]) -> None:
     wave = Watched([low_intervals(encode_poll(1, 0).chars, NN_LINE, 0, flips)])

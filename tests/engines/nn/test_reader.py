@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bussim.engines.nn.frames import (
@@ -168,7 +168,6 @@ chunks = st.one_of(
 )
 
 
-@settings(deadline=None, max_examples=150)
 @given(
     stream=st.lists(st.tuples(chunks, st.sampled_from([0, 0, 1, 19, 20, 25])), max_size=6),
     unclean=st.sets(st.integers(0, 120), max_size=3),

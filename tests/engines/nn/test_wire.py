@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bussim.engines.nn.events import ScanEnded
@@ -77,7 +77,6 @@ def run(plan: dict[str, object], *, whole: bool) -> Wire:
     return wire
 
 
-@settings(deadline=None, max_examples=25)
 @given(plan=links())
 def test_whole_frames_and_characters_come_to_the_same_on_a_whole_link(plan: dict[str, object]) -> None:
     one, other = run(plan, whole=True), run(plan, whole=False)
@@ -92,7 +91,6 @@ def test_whole_frames_and_characters_come_to_the_same_on_a_whole_link(plan: dict
         assert (a.current, a.longest, a.longest_at) == (b.current, b.longest, b.longest_at)
 
 
-@settings(deadline=None, max_examples=25)
 @given(plan=links())
 def test_what_holds_on_every_link(plan: dict[str, object]) -> None:
     wire = run(plan, whole=True)

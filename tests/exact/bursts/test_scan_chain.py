@@ -60,7 +60,7 @@ def test_a_hit_is_exact_however_rare() -> None:
     )
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=10)
 @given(st.floats(0, 0.3), st.floats(0, 0.3), st.floats(0, 0.3), st.integers(6, 9))
 def test_a_replys_outcomes_are_all_that_can_happen(
     wire: float, master: float, receiver: float, characters: int
@@ -86,7 +86,7 @@ def test_noise_twice_over_is_right_again() -> None:
     assert line.outcome(noise.sources[:1], 50).clean[0, 0] == 0
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=10)
 @given(
     st.integers(1, 4),
     st.integers(1, 5),

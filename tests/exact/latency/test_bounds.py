@@ -186,7 +186,7 @@ def windows(samples: list[Sample], given: Scenario, *, word: bool) -> Iterator[t
             yield sample, begin, end
 
 
-@pytest.mark.parametrize("seed", quick(3, range(8)))
+@pytest.mark.parametrize("seed", quick(1, (1, 0, 2, 3, 4, 5, 6, 7)))
 def test_without_errors_no_latency_is_longer_than_its_bound(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -229,7 +229,7 @@ def evaluate_goals(monkeypatch: pytest.MonkeyPatch, given: Scenario) -> dict[str
     return worst
 
 
-@pytest.mark.parametrize("seed", quick(3, range(100, 112)))
+@pytest.mark.parametrize("seed", quick(2, (100, 102, 101, *range(103, 112))))
 def test_with_lost_replies_none_is_longer_than_the_bound_for_so_many(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -244,7 +244,7 @@ def tiny(
 
     Every 1.5 s stations lose so many replies in a row (``losses``), and inputs change at that moment.
     """
-    moments = [f"{1500.3 * n + 2000:.1f} ms" for n in range(0 if losses is None else 16)]
+    moments = [f"{1500.3 * n + 2000:.1f} ms" for n in range(0 if losses is None else 6)]
     plcs = [
         {
             "name": f"p{number}",
@@ -269,7 +269,7 @@ def tiny(
         {
             "schema": 1,
             "name": name,
-            "duration": "26 s" if moments else "24 s",
+            "duration": "11 s" if moments else "24 s",
             "buses": [{"name": "link", "nn": True}],
             "plcs": plcs,
             "noise": [{"bus": "link", "station": "p1", "reply_loss": 0.5}] if losses is None else [],
@@ -286,6 +286,7 @@ def tiny(
     )
 
 
+@pytest.mark.slow
 def test_a_flag_that_is_still_on_costs_a_parameter_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     """p1 has spent its only attempt before the change: no reply is lost in the window, and yet it takes longer."""
     given = tiny("one noisy station")
@@ -295,6 +296,7 @@ def test_a_flag_that_is_still_on_costs_a_parameter_frame(monkeypatch: pytest.Mon
     assert worst["1 lost"] > 0.8
 
 
+@pytest.mark.slow
 def test_a_station_that_never_replies_belongs_to_the_link(monkeypatch: pytest.MonkeyPatch) -> None:
     worst = evaluate_goals(monkeypatch, tiny("one absent, one noisy station", slaves=4))
     assert worst["no error"] > 0.9
@@ -328,7 +330,7 @@ def test_on_a_quiet_line_the_longest_comes_near_the_bound(seed: int) -> None:
             assert 0.8 * most <= found["max"] <= most + 1e-6, (name, part)
 
 
-@pytest.mark.parametrize("seed", quick(2, (1, 102, 3, 105)))
+@pytest.mark.parametrize("seed", quick(1, (102, 1, 3, 105)))
 def test_the_parts_are_those_of_the_frames_and_ends_in_the_trace(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -361,7 +363,7 @@ def test_the_parts_are_those_of_the_frames_and_ends_in_the_trace(
     assert checked > 30
 
 
-@pytest.mark.parametrize("seed", [3, 104])
+@pytest.mark.parametrize("seed", quick(1, (104, 3)))
 def test_every_change_is_accounted_for(seed: int) -> None:
     given = scenario(seed, noisy=seed > 100)
     for entry in api.run(given, rows=False).summary["latency"].values():
@@ -424,7 +426,7 @@ def test_without_programs_from_the_write_to_the_read(reply: str) -> None:
         {
             "schema": 1,
             "name": "no programs",
-            "duration": "60 s",
+            "duration": "30 s",
             "buses": [{"name": "link", "nn": True}],
             "plcs": [
                 {
@@ -452,7 +454,7 @@ def test_without_programs_from_the_write_to_the_read(reply: str) -> None:
         found, times = summary[name]["parts_ms"], summary[name]["ms"]
         assert bound.valid
         assert (found["scan"]["max"], found["output"]["max"]) == (0, 0)
-        assert summary[name]["delivered"] >= summary[name]["changes"] - 1 > 80
+        assert summary[name]["delivered"] >= summary[name]["changes"] - 1 > 40
         # A reply at END starts at an END of its own PLC: the phases of such a station stay together.
         if reply == "interrupt":
             assert times["max"] >= 0.8 * bound.no_error / MS

@@ -181,9 +181,16 @@ def enumerated_tail(
     return total
 
 
-@pytest.mark.parametrize("absent", quick(1, (FULL, PROBE)))
-@pytest.mark.parametrize("ber", [2.0**-20, 2.0**-13])
-def test_tails_down_to_1e_12_against_enumeration(absent: object, ber: float) -> None:
+LEVELS = (0.5, 1e-3, 1e-6, 1e-9, 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("absent", "ber", "levels"),
+    quick(1, [(FULL, 2.0**-13, (0.5, 1e-12)), *product((FULL, PROBE), (2.0**-20, 2.0**-13), [LEVELS])]),
+)
+def test_tails_down_to_1e_12_against_enumeration(
+    absent: object, ber: float, levels: tuple[float, ...]
+) -> None:
     model = link(2, mode=0, attempts=3, ber=ber, absent=absent)  # type: ignore[arg-type]
     distribution = scan_distribution(model)
     p = Fraction(ber)
@@ -197,7 +204,7 @@ def test_tails_down_to_1e_12_against_enumeration(absent: object, ber: float) -> 
     flagged = fail**3 / (1 - fail + fail**3) if absent is PROBE else Fraction(0)
     mixture = [(1 - flagged, 3), (flagged, 1)]
     seen = []
-    for level in (0.5, 1e-3, 1e-6, 1e-9, 1e-12):
+    for level in levels:
         x = distribution.quantile(level)
         expected = float(enumerated_tail(model, chances, ends, mixture, Fraction(x)))
         # Sums with ends of torn replies are read from a grid of 1 µs.
@@ -205,7 +212,7 @@ def test_tails_down_to_1e_12_against_enumeration(absent: object, ber: float) -> 
         seen.append(expected)
     # The quantiles are where they should be, but for levels that fall between two components.
     assert seen[0] == pytest.approx(0.5, rel=1e-3)
-    assert all(p <= level * 1.001 for p, level in zip(seen, (0.5, 1e-3, 1e-6, 1e-9, 1e-12), strict=True))
+    assert all(p <= level * 1.001 for p, level in zip(seen, levels, strict=True))
 
 
 # -- properties --------------------------------------------------------------------------------------

@@ -34,6 +34,7 @@ from bussim.exact.solve import Solved
 from bussim.exact.text import a_year, at_least, at_most, ms_at_least, ms_at_most
 from bussim.plc.profiles import AbsentStation, Attempts, Turnaround
 from tests.exact.links import FULL, MS, PROBE, change, link, with_burst
+from tests.selection import quick
 
 DECADES = [0.0, *(10.0**-k for k in range(12, 1, -1))]
 
@@ -225,6 +226,7 @@ def test_goals_of_many_links_that_were_refused_are_not_met_with_more_noise(
     refused_stays_refused(line, texts)
 
 
+@pytest.mark.slow
 def test_little_noise_that_is_entered_is_as_none() -> None:
     model = link(2)
     found = [size(with_rate((model, "bus", None), ber)).recommended for ber in (0.0, 1e-12, 1e-9)]
@@ -359,14 +361,17 @@ def without_limit(goals: Goals) -> dict[str, Goals]:
 
 @pytest.mark.parametrize(
     ("texts", "right"),
-    [
-        (["dead<=5ms", "ride>=0", "errors<=250/h"], "dead<="),
-        (["scan<=5ms@1e-06"], "scan<="),
-        (["heartbeat=20ms@10/y"], "heartbeat="),
-        (["errors<=1e-30/y", "dead<=300ms", "ride>=0"], "errors<="),
-        (["onsets<=1e-30/h", "dead<=300ms", "ride>=0"], "onsets<="),
-        (["ride>=2s", "dead<=250ms", "errors<=1000/d"], "ride>="),
-    ],
+    quick(
+        1,
+        [
+            (["dead<=5ms", "ride>=0", "errors<=250/h"], "dead<="),
+            (["scan<=5ms@1e-06"], "scan<="),
+            (["heartbeat=20ms@10/y"], "heartbeat="),
+            (["errors<=1e-30/y", "dead<=300ms", "ride>=0"], "errors<="),
+            (["onsets<=1e-30/h", "dead<=300ms", "ride>=0"], "onsets<="),
+            (["ride>=2s", "dead<=250ms", "errors<=1000/d"], "ride>="),
+        ],
+    ),
 )
 def test_a_goal_far_from_what_can_be_had_is_moved_to_what_can(texts: list[str], right: str) -> None:
     model, goals = link(2), goals_of(texts)
@@ -489,6 +494,7 @@ def test_printed_figures_are_on_the_safe_side(model: LinkModel, ber: float) -> N
     assert (row[1], row[2]) == (ms_at_most(best.dead), ms_at_most(best.detect))
 
 
+@pytest.mark.slow
 def test_every_goal_has_a_form_and_a_conflict() -> None:
     goals = Goals()
     for text in ("errors<=0.01/y", "onsets<=1/d", "scan<=20ms@1e-6", "dead<=30ms", "ride>=300ms"):

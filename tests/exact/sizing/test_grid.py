@@ -13,6 +13,7 @@ from bussim.exact.scan.memoryless import fails_of, probabilities_of
 from bussim.exact.sizing.grid import evaluate
 from bussim.plc.profiles import Turnaround
 from tests.exact.links import MS, PROBE, change, link, with_burst, with_noise
+from tests.selection import quick_names
 
 EVERY = range(50 * MS, 2_251 * MS, 10 * MS)
 ATTEMPTS = range(1, 12)
@@ -33,7 +34,9 @@ LINKS = {
 }
 
 
-@pytest.mark.parametrize("name", LINKS)
+@pytest.mark.parametrize(
+    "name", quick_names(("plain", "two", "different stations", "one dead, probe"), LINKS)
+)
 def test_a_grid_is_its_settings(name: str) -> None:
     model = LINKS[name]
     grid = evaluate(model, ATTEMPTS, EVERY, (150 * MS,))
@@ -56,9 +59,9 @@ def test_a_grid_is_its_settings(name: str) -> None:
 
 def test_burst_grids() -> None:
     model = with_burst(link(3, ber=1e-6), 5_000, 30, 0, 8e-3)
-    columns = [50 * MS, 100 * MS, 700 * MS]
-    grid = evaluate(model, (1, 3, 6), columns, (150 * MS,))
-    for i, attempts in enumerate((1, 3, 6)):
+    columns = [50 * MS, 700 * MS]
+    grid = evaluate(model, (1, 3), columns, (150 * MS,))
+    for i, attempts in enumerate((1, 3)):
         for j, timeout in enumerate(columns):
             figures = figures_of(model.with_setting(attempts, timeout), REQUEST)
             assert grid.mean[i, j] == pytest.approx(figures.mean, rel=1e-10)
@@ -90,7 +93,7 @@ def test_settings_without_a_law_have_no_number() -> None:
         assert not np.isnan(figures[:, 2]).any()
 
 
-@settings(deadline=None, max_examples=20)
+@settings(deadline=None, max_examples=6)
 @given(st.integers(1, 7), st.integers(0, 4), st.floats(-7, -3.3), st.booleans())
 def test_more_attempts_and_longer_timeouts(slaves: int, mode: int, exponent: float, probe: bool) -> None:
     model: LinkModel = link(slaves, mode=mode, ber=10**exponent, absent=PROBE if probe else link().absent)

@@ -120,6 +120,7 @@ def test_a_perfect_line_with_a_goal_that_conflicts() -> None:
 # -- the timeout's floor -----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_timeout_leaves_room_for_a_plc_scan() -> None:
     model = change(link(2, mode=4, ber=1e-6), 2, scan=31 * MS, extra=4 * MS)
     longest = 39.0625 + 0.5175 + 4
@@ -141,6 +142,7 @@ def test_no_timeout_is_long_enough() -> None:
 # -- the assumptions ---------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_robust_holds_under_every_reading() -> None:
     model = link(7, ber=2e-5)
     goals = Goals(ride=100 * MS)
@@ -162,9 +164,9 @@ def test_robust_holds_under_every_reading() -> None:
 
 
 def test_the_other_reading_has_its_own_recommendation() -> None:
-    model = replace(link(7, ber=1e-5, attempts=3), retries=3, reading=EXACTLY)
+    model = replace(link(3, ber=1e-5, attempts=3), retries=3, reading=EXACTLY)
     sizing = size(model)
-    plus_1 = size(link(7, ber=1e-5))
+    plus_1 = size(link(3, ber=1e-5))
     assert sizing.recommended is not None
     assert plus_1.recommended is not None
     assert sizing.recommended.attempts == plus_1.recommended.attempts
@@ -213,6 +215,7 @@ def test_the_front_has_the_recommended_setting_and_counts_what_is_above_a_second
 # -- heartbeat ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_heartbeat_that_must_not_be_missed() -> None:
     model = link(2, ber=1e-5)
     strict = Goals(heartbeat=(500 * MS, 0.1))
@@ -237,6 +240,7 @@ def test_the_bound_on_missed_heartbeats_is_one(slaves: int, ber: float, preset: 
             assert bound == pytest.approx(exact)
 
 
+@pytest.mark.slow
 def test_heartbeats_with_bursts_are_evaluated_for_some_timeouts() -> None:
     model = with_burst(link(1, ber=1e-6), 60_000, 20, 0, 5e-3)
     goals = Goals(heartbeat=(900 * MS, 1.0), errors=200.0)
@@ -267,6 +271,7 @@ def test_a_goal_that_fails_alone_is_named_with_its_best() -> None:
     assert any("stations on the link instead of 8" in help_ for help_ in unmet.helps)
 
 
+@pytest.mark.slow
 def test_what_helps_does_help() -> None:
     goals = Goals(dead=300 * MS)
     model = link(7, ber=1e-5)
@@ -316,8 +321,8 @@ def test_the_json_form_and_the_neighbours() -> None:
 def test_the_probed_policy_does_not_hide_the_first_long_scan() -> None:
     # A probed station costs one attempt a scan, so more retries cost nothing there: the fewest that
     # meet the goals are still taken, since each makes a death noticed later.
-    sizing = size(link(7, ber=1e-5, absent=PROBE))
-    full = size(link(7, ber=1e-5))
+    sizing = size(link(3, ber=1e-5, absent=PROBE))
+    full = size(link(3, ber=1e-5))
     assert sizing.recommended is not None
     assert full.recommended is not None
     assert sizing.recommended.retries == full.recommended.retries
@@ -330,6 +335,7 @@ def test_goal_evaluation_keeps_to_the_floor() -> None:
     assert np.all(checked.candidates(checked.names) <= (checked.grid.errors <= 1))
 
 
+@pytest.mark.slow
 def test_the_trade_off_has_the_figures_of_each_setting_at_each_noise() -> None:
     model = link(3, ber=1e-5)
     sizing = size(model)

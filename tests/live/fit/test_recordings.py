@@ -137,7 +137,7 @@ def test_turnaround_gap_and_overhead_are_found(seed: int) -> None:
     assert found.scan_overhead.value == parse_time(f"{known['overhead']} ms")
 
 
-@pytest.mark.parametrize("seed", quick(3, SEEDS))
+@pytest.mark.parametrize("seed", quick(2, SEEDS))
 def test_settings_and_the_outage_are_found(seed: int) -> None:
     known, found = parameters(seed), fitted(seed)
     assert found.settings_received
@@ -149,18 +149,20 @@ def test_settings_and_the_outage_are_found(seed: int) -> None:
     assert 12 * TICKS_PER_SECOND - scan <= outage.end <= 12 * TICKS_PER_SECOND + scan
 
 
-def test_loss_lies_within_its_interval() -> None:
-    """Of twenty 95 % intervals one misses on the average."""
+@pytest.mark.parametrize(("seeds", "most"), quick(1, [(SEEDS[:2], 2), (SEEDS, MOST_MISSES)]))
+def test_loss_lies_within_its_interval(seeds: range, most: int) -> None:
+    """Of twenty 95 % intervals one misses on the average; of four more than two, five times in 10^4."""
     misses = 0
-    for seed in SEEDS:
+    for seed in seeds:
         for loss, station in zip(parameters(seed)["loss"], fitted(seed).stations, strict=True):
             found = station.losses.loss
             assert found is not None
             misses += not covers(found, loss)
             assert found.value == pytest.approx(loss, abs=0.02)
-    assert misses <= MOST_MISSES
+    assert misses <= most
 
 
+@pytest.mark.slow
 def test_the_bit_error_rate_lies_within_its_interval() -> None:
     misses = 0
     for seed in SEEDS:

@@ -18,6 +18,7 @@ from bussim.live.recordings.source import Chunk
 from bussim.units import TICKS_PER_SECOND
 from tests.live.layout.generator import ALTERED, Made, Truth, assumed, recorded
 from tests.live.recordings.generator import Sent, Serial, sigrok, wave
+from tests.selection import quick
 
 #: Links of other sizes, with dead stations, bit errors and lost replies.
 LINKS: dict[str, dict[str, Any]] = {
@@ -88,7 +89,7 @@ def check(line: Line, *, slaves: int, dead: tuple[int, ...] = ()) -> None:
     assert by_layout["link"]["slaves"] == slaves
 
 
-@pytest.mark.parametrize("name", [name for name in ALTERED if name != SOUND])
+@pytest.mark.parametrize("name", quick(4, [name for name in ALTERED if name != SOUND]))
 def test_a_line_of_another_layout_is_understood(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -96,7 +97,7 @@ def test_a_line_of_another_layout_is_understood(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("link", LINKS)
+@pytest.mark.parametrize("link", quick(1, LINKS))
 @pytest.mark.parametrize("name", [name for name in ALTERED if name != SOUND])
 def test_dead_stations_bit_errors_and_retries_are_told_in_every_layout(
     name: str, link: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -182,8 +183,8 @@ def test_what_no_usual_layout_fits_is_told_and_nothing_is_written(
     assert list(tmp_path.iterdir()) == [line.path]
 
 
-@pytest.mark.parametrize("serial", [Serial(38400, 7, "E"), Serial(38400, 8, "N")])
-@pytest.mark.parametrize("inverted", [False, True])
+@pytest.mark.parametrize("serial", quick(1, [Serial(38400, 8, "N"), Serial(38400, 7, "E")]))
+@pytest.mark.parametrize("inverted", quick(1, [True, False]))
 def test_a_session_of_another_layout_is_read_at_its_own_rate_and_format(
     serial: Serial, inverted: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bussim.engines.nn.frames import LinkSettings, decode, encode_data, encode_parameters, encode_poll
@@ -34,7 +34,6 @@ def test_the_file_that_ships_is_the_assumed_layout() -> None:
 
 
 @given(FRAMES, CHANGES, st.booleans())
-@settings(max_examples=300, deadline=None)
 def test_the_assumed_layout_reads_what_the_engines_codec_reads(
     frame: object, changes: list[tuple[int, int]], right_sum: bool
 ) -> None:

@@ -69,7 +69,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("what", WRONG)
-@pytest.mark.parametrize("protocol", [(), ("--protocol", "modbus-rtu")])
+@pytest.mark.parametrize("protocol", quick(1, [(), ("--protocol", "modbus-rtu")]))
 def test_wrong_settings_are_obeyed_and_the_right_ones_suggested(
     what: str, protocol: tuple[str, ...], tmp_path: Path
 ) -> None:
@@ -141,7 +141,7 @@ def pwm(rng: np.random.Generator) -> np.ndarray:
 SIGNALS = [(kind, seed) for seed in range(50) for kind in (random_pulses, spi, one_wire, pwm)]
 
 
-@pytest.mark.parametrize(("kind", "seed"), quick(8, SIGNALS))
+@pytest.mark.parametrize(("kind", "seed"), quick(5, SIGNALS))
 def test_what_is_no_serial_line_is_not_recognised(kind, seed: int, tmp_path: Path) -> None:
     level = kind(np.random.default_rng(seed))
     path = sigrok(tmp_path / "signal.sr", 1_000_000, {"D0": level})
@@ -225,7 +225,7 @@ def test_short_spikes_hide_no_rate(tmp_path: Path) -> None:
     assert found["spikes"] == hit
 
 
-@pytest.mark.parametrize("block", [11, 1000])
+@pytest.mark.parametrize("block", quick(1, [1000, 11]))
 def test_a_session_is_read_alike_in_blocks_of_any_size(
     block: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -10,7 +10,7 @@ import zipfile
 from itertools import pairwise
 from pathlib import Path
 
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from bussim.commands.sniff.tally import MOST_ASKED, Tally
@@ -37,8 +37,6 @@ from bussim.results.collector import Collector
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 from tests.live.recordings.generator import rtu
 
-#: CI runs this many of each; a longer run is `pytest --hypothesis-profile` away.
-some = settings(max_examples=150)
 LINE = LineTiming(9600, CharFormat(8, "N", 1))
 
 SECTION = struct.pack("<IIIHHqI", 0x0A0D0D0A, 28, 0x1A2B3C4D, 1, 0, -1, 28)
@@ -46,7 +44,6 @@ INTERFACE = struct.pack("<IIHHII", 1, 20, 147, 0, 0, 20)
 PACKET = struct.pack("<IIIIIII", 6, 40, 0, 0, 1000, 8, 8) + bytes(8) + struct.pack("<I", 40)
 
 
-@some
 @given(st.binary(max_size=400), st.booleans())
 @example(b"", True)
 @example(INTERFACE + PACKET, True)
@@ -60,7 +57,6 @@ def test_pcapng(data: bytes, begins_well: bool) -> None:
         assert str(error).startswith("x: at byte")
 
 
-@some
 @given(st.lists(st.sampled_from([SECTION, INTERFACE, PACKET]), max_size=12), st.data())
 def test_pcapng_with_a_few_bytes_changed(blocks: list[bytes], data: st.DataObject) -> None:
     raw = bytearray(SECTION + b"".join(blocks))
@@ -70,7 +66,6 @@ def test_pcapng_with_a_few_bytes_changed(blocks: list[bytes], data: st.DataObjec
         list(PacketReader(io.BytesIO(bytes(raw)), "x").packets())
 
 
-@some
 @given(st.binary(max_size=300), st.sampled_from([b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\x3c\x4d"]))
 def test_pcap(data: bytes, magic: bytes) -> None:
     reader = PacketReader(io.BytesIO(magic + data), "x")
@@ -78,7 +73,6 @@ def test_pcap(data: bytes, magic: bytes) -> None:
         assert all(len(packet.data) <= len(data) for packet in reader.packets())
 
 
-@some
 @given(st.lists(st.text(max_size=60), max_size=8))
 @example(["0 01", "1e400 02"])
 @example(["nan 01"])
@@ -104,7 +98,6 @@ def test_text(lines: list[str]) -> None:
                     before = chunk.chars[-1][1]
 
 
-@some
 @given(
     metadata=st.one_of(
         st.binary(max_size=200),
@@ -135,7 +128,6 @@ def test_sigrok(metadata: bytes, samples: bytes, name: str) -> None:
             assert "x.sr" in str(error)
 
 
-@some
 @given(st.binary(max_size=300), st.sampled_from([b"", b"PK\x03\x04", b"\n\r\r\n", b"{", b"# "]))
 def test_any_file(data: bytes, head: bytes) -> None:
     with tempfile.TemporaryDirectory() as folder:
@@ -166,7 +158,6 @@ chunks = st.lists(
 )
 
 
-@some
 @given(chunks, st.sampled_from(list(LineProtocol)), st.integers(0, 20 * TICKS_PER_MS), st.booleans())
 def test_every_character_is_told_once_and_in_order(
     pieces: list[tuple[bytes, int]], protocol: LineProtocol, tolerance: int, flawed: bool
@@ -189,7 +180,6 @@ def test_every_character_is_told_once_and_in_order(
     assert decoded == b"".join(bytes(value & 0x7F for value in data) for data, _ in pieces)
 
 
-@some
 @given(chunks)
 def test_a_port_is_listened_to_whatever_comes(pieces: list[tuple[bytes, int]]) -> None:
     for protocol in (None, *LineProtocol):

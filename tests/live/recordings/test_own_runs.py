@@ -98,7 +98,7 @@ def assert_same(run: dict[str, Any], found: dict[str, Any], kind: str, *, overla
         assert ours == pytest.approx(theirs, abs=max(1, theirs // 50) + parity), outcome
 
 
-@pytest.mark.parametrize("seed", quick(3, range(100)))
+@pytest.mark.parametrize("seed", quick(1, range(100)))
 def test_a_run_is_the_same_in_every_recording_of_it(seed: int, tmp_path: Path) -> None:
     kinds = recordings(from_data(scenario(seed)), tmp_path)
     run = sniffed(tmp_path / "run")

@@ -6,7 +6,7 @@ from bisect import bisect_left
 from itertools import pairwise
 from typing import Any
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bussim.engines.modbus.framing import Framing
@@ -64,7 +64,6 @@ def polls(draw: st.DrawFn) -> list[PollSpec]:
     ]
 
 
-@settings(max_examples=60)
 @given(scan=scans, polls=polls(), delay=st.integers(0, 80 * MS), interval=st.sampled_from([0, 1, 300]))
 def test_a_master(scan: tuple[int, int], polls: list[PollSpec], delay: int, interval: int) -> None:
     found, benches = [], []
@@ -106,7 +105,6 @@ def test_a_master(scan: tuple[int, int], polls: list[PollSpec], delay: int, inte
             assert turn.start != 0 or turn.late == 0
 
 
-@settings(max_examples=40)
 @given(
     scan=scans,
     sends=st.lists(st.tuples(periods, st.integers(0, 200 * MS), times, st.sampled_from([0, 3])), max_size=3),
@@ -163,7 +161,6 @@ def test_the_free_protocol(
     assert found[0] == found[1]
 
 
-@settings(max_examples=40)
 @given(scan=scans, delay=st.integers(0, 90 * MS), every=periods)
 def test_a_slave(scan: tuple[int, int], delay: int, every: int) -> None:
     found = []

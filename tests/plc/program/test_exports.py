@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bussim.errors import ProgramError
@@ -293,7 +293,6 @@ _TEXTS = st.one_of(st.text(), st.lists(_WORDS, max_size=60).map(" ".join), st.li
 
 
 @given(_TEXTS)
-@settings(max_examples=400, deadline=None)
 def test_any_text_is_a_program_or_has_located_mistakes(text: str) -> None:
     found = listing(text)
     assert found.comments is not None or found.text.count("\n") == text.replace("\r\n", "\n").replace(
@@ -309,7 +308,6 @@ def test_any_text_is_a_program_or_has_located_mistakes(text: str) -> None:
 
 
 @given(st.binary(max_size=200))
-@settings(max_examples=100, deadline=None)
 def test_any_bytes_are_read_or_refused(tmp_path_factory: pytest.TempPathFactory, content: bytes) -> None:
     examine(scenario(tmp_path_factory.mktemp("bytes"), content))
 

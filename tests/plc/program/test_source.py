@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bussim.errors import ProgramError, ScenarioError
@@ -320,19 +320,16 @@ def survives(text: str, registers: list[int]) -> None:
 REGISTERS = st.lists(st.one_of(st.integers(0, 65535), st.sampled_from([0, 1, 2, 65535])), max_size=16)
 
 
-@settings(max_examples=200)
 @given(likely_programs(), REGISTERS)
 def test_random_lines_never_raise(text: str, registers: list[int]) -> None:
     survives(text, registers)
 
 
-@settings(max_examples=300)
 @given(driven_instructions(), REGISTERS)
 def test_random_instructions_never_raise(text: str, registers: list[int]) -> None:
     survives(text, registers)
 
 
-@settings(max_examples=200)
 @given(st.text(max_size=200), REGISTERS)
 def test_random_text_never_raises(text: str, registers: list[int]) -> None:
     survives(text, registers)

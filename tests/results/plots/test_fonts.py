@@ -112,8 +112,8 @@ def test_without_a_font_one_note_says_so_and_python_says_nothing(capsys: pytest.
     (note,) = said.err.splitlines()
     assert note.startswith("note: no font of this machine has ")
     assert (
-        "(in '三台压机与送料机'); pictures show boxes instead. A Noto Sans font of the script would do"
-        in note
+        "(in '三台压机与送料机 ก: 20 link scans on link, 6 attempts a poll'); pictures show boxes instead. "
+        "A Noto Sans font of the script would do" in note
     )
     assert "any of Noto Sans CJK SC, Noto Sans SC, Source Han Sans SC, Microsoft YaHei, SimHei" in note
 

@@ -51,6 +51,7 @@ def test_devices_of_a_plc_with_a_long_name_can_be_told_apart() -> None:
     assert all(len(label) == 24 and label.startswith("一台名字很长的压机") for label in labels)
 
 
+@pytest.mark.slow
 def test_a_tall_picture_has_its_times_above_and_below() -> None:
     for number, above in ((3, False), (20, True)):
         picture = watch_picture(Watch([word(at, 1) for at in range(number)]), 0, S, "title", "about")

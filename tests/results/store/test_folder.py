@@ -18,6 +18,8 @@ from bussim.results.store.rows import FileRows
 from bussim.units import TICKS_PER_SECOND
 from tests.results.fakes import Fake, quiet
 
+pytestmark = pytest.mark.usefixtures("pictures_undrawn")
+
 SCENARIO = "schema: 1\nname: three presses\n"
 SHORT = quiet(duration=3 * TICKS_PER_SECOND)
 FILES = {
@@ -279,7 +281,6 @@ def test_killed_at_any_moment_a_folder_is_whole_or_marked(tmp_path: Path, mode: 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a closed file is all that Windows renames")
 @pytest.mark.parametrize("mode", ["new", "force"])
-@pytest.mark.usefixtures("pictures_undrawn")
 def test_killed_between_any_two_changes_of_the_disk(
     tmp_path: Path, mode: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

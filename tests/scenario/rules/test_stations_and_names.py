@@ -11,6 +11,7 @@ from bussim import api
 from bussim.scenario.builtin import names, read
 from bussim.scenario.loader import examine, loads
 from tests.scenario.samples import BASE, added, mistakes
+from tests.selection import quick
 
 RENUMBERED = """\
 schema: 1
@@ -107,7 +108,7 @@ def test_what_a_plc_refuses_is_warned_of_once(text: str, warnings: list[str]) ->
     assert api.run(loads(text, overrides=["duration=1s"]), rows=False).summary["warnings"] == warnings
 
 
-@pytest.mark.parametrize("name", names())
+@pytest.mark.parametrize("name", quick(12, names()))
 def test_every_node_that_is_offered_for_an_unknown_one_is_taken(name: str) -> None:
     text = read(name)
     fault = "\nfaults:\n  - {late_release: {station: NODE, by: 1 us}}\n"

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bussim.sim.nn.block_history import BlockHistory
@@ -42,7 +42,6 @@ operations = st.one_of(
 )
 
 
-@settings(max_examples=150, deadline=None)
 @given(
     st.lists(
         st.tuples(
@@ -78,7 +77,6 @@ def test_every_position_sees_what_it_received(
             assert dict(block_history.visible(position, now - back)) == naive.visible(position, now - back)
 
 
-@settings(max_examples=40, deadline=None)
 @given(st.lists(st.tuples(stations, st.frozensets(plc_names)), min_size=1, max_size=12))
 def test_memory_does_not_grow(pattern: list[tuple[int, frozenset[int]]]) -> None:
     block_history = BlockHistory(HORIZON)

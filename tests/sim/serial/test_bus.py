@@ -24,6 +24,7 @@ from bussim.sim.kernel import Timer
 from bussim.sim.serial.bus import SerialBus
 from bussim.sim.serial.node import SerialNode
 from bussim.sim.wire.contract import Listeners
+from tests.selection import quick
 from tests.sim.build import MS, SECOND, Done, fault, run
 from tests.sim.serial import PLAIN, device, hmi, poll, scripted, serial_bus
 
@@ -362,7 +363,7 @@ def _chance(seed: int) -> model.Scenario:
     return serial_bus([one, two, *slaves], seconds=5, seed=seed, noise=noise, faults=faults)
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", quick(4, range(12)))
 def test_whole_frames_are_what_their_characters_are(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = _chance(seed)
     one = run(scenario)
@@ -375,7 +376,7 @@ def test_whole_frames_are_what_their_characters_are(seed: int, monkeypatch: pyte
     assert one.totals == other.totals
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", quick(2, range(6)))
 def test_chained_or_queued_traced_or_not_the_run_is_the_same(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -392,6 +393,7 @@ def test_chained_or_queued_traced_or_not_the_run_is_the_same(
     )
 
 
+@pytest.mark.slow
 def test_random_scenarios_have_everything() -> None:
     runs = [run(_chance(seed)) for seed in range(12)]
     found = sum((outcomes(done) for done in runs), Counter())

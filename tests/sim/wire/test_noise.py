@@ -82,7 +82,7 @@ def test_bit_errors_hit_with_the_exact_probability(ber: float) -> None:
     assert len(done.record.failures) >= 0.7 * len(exchanges)
 
 
-@pytest.mark.parametrize("station", ["p0", "p1"])
+@pytest.mark.parametrize("station", quick(1, ["p1", "p0"]))
 def test_noise_on_a_sender_damages_its_frames_for_all(station: str) -> None:
     done = run(link(3, 0, seconds=10, noise=[noise(model.BitErrors(3e-3), station, TX)]))
     assert {frame.sender for frame in done.record.frames if frame.damaged_bits} == {station}
@@ -241,7 +241,7 @@ def _records(done: Done) -> list[Any]:
     return [record.scans, record.attempts, record.frames, record.failures, notes]
 
 
-@pytest.mark.parametrize("how", ["listening", "in stop", "off", "refused"])
+@pytest.mark.parametrize("how", quick(1, ["listening", "in stop", "off", "refused"]))
 @pytest.mark.parametrize("index", quick(1, ("first", "last")))
 def test_a_silent_fourth_station_changes_no_draws(how: str, index: str) -> None:
     # Jitter of scans and turnarounds is rng as well.
@@ -272,11 +272,14 @@ def rngs(done: Done) -> dict[tuple[str, str, int | None], list[tuple[int, ...]]]
 
 @pytest.mark.parametrize(
     "added",
-    [
-        noise(model.BitErrors(2e-3), "p2", RX, name="added"),
-        noise(model.ReplyLoss(0.1), "p2", name="added"),
-        noise(model.ReplyLoss(0.1), name="added"),
-    ],
+    quick(
+        1,
+        [
+            noise(model.BitErrors(2e-3), "p2", RX, name="added"),
+            noise(model.ReplyLoss(0.1), "p2", name="added"),
+            noise(model.ReplyLoss(0.1), name="added"),
+        ],
+    ),
 )
 def test_a_noise_elsewhere_leaves_the_draws_of_others(added: model.Noise) -> None:
     base = noise(model.BitErrors(2e-3), name="base")
