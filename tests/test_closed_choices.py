@@ -244,6 +244,7 @@ def test_every_choice_names_all_kinds() -> None:
     assert set(ALIKE) <= set(found), "entries that nothing needs any more"
 
 
+@pytest.mark.slow
 def test_choices_of_a_profile_are_decided_beside_it() -> None:
     """A comparison with one member would take a further one for the other."""
     hints = get_type_hints(Profile).values()

@@ -254,7 +254,7 @@ def test_the_words_of_a_plc_without_a_program(
 
 
 def test_observed_devices_of_a_plc_without_a_program() -> None:
-    text = PLAIN.replace("90 s", "2 s") + "faults: [{at: 1 s, for: 300 ms, stop: s}]\n"
+    text = PLAIN.replace("50 s", "2 s") + "faults: [{at: 1 s, for: 300 ms, stop: s}]\n"
     seen = watched(text, "s.M8000 s.M8001 s.M8002 s.M8003 s.M8013 s.D8010 s.D8012 s.D8000 s.D8101")
     values = {name.removeprefix("s."): each.values for name, each in seen.items()}
     assert values["M8000"] == [1, 0, 1]  # off in STOP
