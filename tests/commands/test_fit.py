@@ -52,7 +52,7 @@ def test_estimates_make_a_scenario_that_behaves_like_the_recording(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     output = tmp_path / "fitted.yaml"
-    found = fitted(capsys, str(run), "-o", str(output), "--simulate", "20 s")
+    found = fitted(capsys, str(run), "-o", str(output))
     link = found["link"]
     assert link["settings"] == {"slaves": 2, "mode": 1, "retries": 2, "timeout_ms": 60}
     assert link["stations"]["1"]["turnaround_ms"]["value"] == pytest.approx(1.5, rel=0.02)
