@@ -65,7 +65,7 @@ def test_ports_in_memory_and_in_a_folder(tmp_path: Path) -> None:
     for node in ("press1.COM3", "press2.COM5"):
         port = there.summary["ports"][node]
         mine = table[table["master"] == node]
-        assert len(mine) == port["transactions"] > 50
+        assert len(mine) == port["transactions"] > 40
         assert (mine["outcome"] == "ok").sum() == port["ok"]
         assert mine["response_ms"].max() == port["response_ms"]["max"]
         # What the rows say of times is in order: asked, response ended, decided, taken.

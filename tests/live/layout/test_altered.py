@@ -183,7 +183,9 @@ def test_what_no_usual_layout_fits_is_told_and_nothing_is_written(
     assert list(tmp_path.iterdir()) == [line.path]
 
 
-@pytest.mark.parametrize(("serial",), quick(1, [(Serial(38400, 8, "N"),), (Serial(38400, 7, "E"),)]))
+@pytest.mark.parametrize(
+    "serial", [Serial(38400, 8, "N"), pytest.param(Serial(38400, 7, "E"), marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("inverted", quick(1, [True, False]))
 def test_a_session_of_another_layout_is_read_at_its_own_rate_and_format(
     serial: Serial, inverted: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -69,7 +69,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("what", WRONG)
-@pytest.mark.parametrize(("protocol",), quick(1, [((),), (("--protocol", "modbus-rtu"),)]))
+@pytest.mark.parametrize("protocol", [(), pytest.param(("--protocol", "modbus-rtu"), marks=pytest.mark.slow)])
 def test_wrong_settings_are_obeyed_and_the_right_ones_suggested(
     what: str, protocol: tuple[str, ...], tmp_path: Path
 ) -> None:
