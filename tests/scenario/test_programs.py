@@ -550,16 +550,6 @@ def test_further_lines_of_one_station_are_named_together(tmp_path: Path) -> None
     assert found.endswith("; also at line 9; also at line 11; also at line 13; also at line 15")
 
 
-def test_check_names_what_the_refresh_mode_does_not_share(tmp_path: Path) -> None:
-    rungs = "LDI M8184\nAND M1064\nOUT Y0\nLDI M8184\nMOV D32 D101\nOUT M1032\nOUT M1500\nOUT M1040\nLD M1040\nOUT Y1\nEND"
-    for mode, devices in (("K0", ["M1064", "M1032 at line 12"]), ("K1", ["M1032"]), ("K2", [])):
-        program = MASTER.replace("K2 D8178", f"{mode} D8178").replace("END", rungs)
-        found = [text for text in warnings(tmp_path, **{"one.il": program}) if "one.il" in text]
-        assert len(found) == bool(devices)
-        assert all(device in found[0] for device in devices)
-        assert all(f"which refresh mode {mode[1]} does not share: it is not sent" in text for text in found)
-
-
 # -- RS2 -------------------------------------------------------------------------------------------------
 
 

@@ -31,6 +31,7 @@ MAX_FOREIGN = 20
 def check_programs(resolved: Resolved, report: Report) -> None:
     """Check every program against registers, ports and the link."""
     members, total = resolved.members, 0
+    beyond = {member.name: _words_beyond(member, members) for member in members}
     for member in members:
         program = member.logic.program
         if program is None:
@@ -42,7 +43,7 @@ def check_programs(resolved: Resolved, report: Report) -> None:
         _check_ports(member, report)
         _check_writes(member, members, report)
         _check_rungs(program, member, members, report)
-        _check_unshared(program, member, members, report)
+        _check_unshared(program, member, members, beyond, report)
     if total > MAX_PROGRAMS:
         report.mistake(
             ("plcs",),
@@ -261,11 +262,36 @@ def _taken_while_away(
     return list(taken.items())
 
 
-def _check_unshared(program: Program, member: Member, members: list[Member], report: Report) -> None:
-    """What only check says: bits that only a larger refresh mode of the family shares.
+def _words_beyond(member: Member, members: list[Member]) -> dict[tuple[int, int], dict[bool, Instruction]]:
+    """Words that only a larger refresh mode shares, by station and number: where each use is first."""
+    program, shared = member.logic.program, blocks_of(member, members)
+    found: dict[tuple[int, int], dict[bool, Instruction]] = {}
+    if program is None or not shared or member.ports:
+        return found
+    from bussim.plc.program.text.operand_checks import extents
 
-    What the program both writes and reads is its own, as words there may well be; another port's may be
-    what it does not.
+    largest = blocks_of(member, members, max(member.profile.modes))
+    for at in program.instructions:
+        for extent in extents(at):
+            for station, block in largest.items():
+                part = _shared(extent, block) if extent.word else None
+                numbers = range(part[1] - block.word, part[2] - block.word + 1) if part else range(0)
+                for number in numbers[max(0, shared[station].words - numbers.start) :]:
+                    found.setdefault((station, number), {}).setdefault(extent.writes, at)
+    return found
+
+
+def _check_unshared(
+    program: Program,
+    member: Member,
+    members: list[Member],
+    beyond: Mapping[str, Mapping[tuple[int, int], Mapping[bool, Instruction]]],
+    report: Report,
+) -> None:
+    """What only check says: bits and words that only a larger refresh mode of the family shares.
+
+    What the program both writes and reads is its own; another port's may be what it does not. Words there
+    are commonly its own: those are named that one station writes only and another takes only.
     """
     from bussim.plc.program.text.operand_checks import extents
 
@@ -285,9 +311,17 @@ def _check_unshared(program: Program, member: Member, members: list[Member], rep
             for _, other in touched
         ):
             found.setdefault(at, ("writes" if extent.writes else "takes", device))
+    link = link_of(member, members)
+    for (station, number), uses in beyond[member.name].items():
+        for other in link.values():
+            theirs = beyond[other.name].get((station, number), {})
+            sender = member if True in uses else other
+            if len(uses) == len(theirs) == 1 and uses.keys() != theirs.keys() and sender.station == station:
+                word = Device("D", member.profile.word_spacing * station + number)
+                found.setdefault(next(iter(uses.values())), ("writes" if True in uses else "takes", word))
     for at, (does, device) in [*found.items()][:1]:
         also = "".join(f"; also {other} at line {each.line}" for each, (_, other) in [*found.items()][1:5])
-        mode = link_of(member, members)[0].settings[D_MODE]
+        mode = link[0].settings[D_MODE]
         text = f"{at.name} {does} {device}, which refresh mode {mode} does not share: it is not sent{also}"
         _warn_at(member, at, text, report, in_runs=False)
 
