@@ -36,7 +36,12 @@ _MOST_DEVICES = 100
 @click.option("--devices", metavar="PLC.DEVICE,...", required=True, help="Such as press1.D8201,press2.M1064.")
 @click.option("--from", "since", metavar="T", help="Show from so long after the run's start on, such as 10s.")
 @click.option("--to-time", "until", metavar="T", help="Show up to then; no longer is simulated.")
-@click.option("--csv", "csv_file", metavar="FILE", help="Write a table: a row for every instant of a change.")
+@click.option(
+    "--csv",
+    "csv_file",
+    metavar="FILE",
+    help="Write a table: a row for every instant of a change, and which PLCs had no supply.",
+)
 @click.option(
     "--plot", "plot_file", metavar="FILE", help="Draw bits as lanes and words as steps (.png, .svg)."
 )
@@ -210,11 +215,17 @@ def _csv(watch: Watch, begin: int, end: int) -> str:
     from bussim.results.store.safe_names import cell
     from bussim.units import seconds
 
+    rows, lost = dict(watch.rows(begin, end)), watch.without_supply(begin, end)
+    for tick in (tick for _, *edges in lost for tick in edges if begin < tick < end):
+        rows.setdefault(tick, [each.at(tick) for each in watch.watched])
+    plcs = list(dict.fromkeys(plc for plc, *_ in lost))
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
-    table.writerow(["time_s", *(cell(each.name) for each in watch.watched)])
-    for tick, values in watch.rows(begin, end):
-        table.writerow([f"{seconds(tick):.9f}", *values])
+    heads = [*(each.name for each in watch.watched), *(f"{plc} without supply" for plc in plcs)]
+    table.writerow(["time_s", *map(cell, heads)])
+    for tick, values in sorted(rows.items()):
+        without = {plc for plc, since, until in lost if since <= tick < until}
+        table.writerow([f"{seconds(tick):.9f}", *values, *(int(plc in without) for plc in plcs)])
     return text.getvalue()
 
 

@@ -171,6 +171,7 @@ class Profile:
     ``word_spacing``          distance of the stations' D blocks                             PW10, FX
     ``firmware``              D8001 and D8101 (FX: assumed)                                  PW10
     ``rs_port``               the port that RS drives (PW10: COM2; FX: assumed)              PW10
+    ``board_ports``           the ports that it has beside the programming port              PW10, FX
     ``error_codes``           numbers of serial errors (FX: assumed)                         PW10
     ``link_at_step_0``        M8038 must be the contact of a program's first step (else      PW10, FX
                               its settings of the link are without effect: assumed)
@@ -206,6 +207,7 @@ class Profile:
     word_spacing: Annotated[int, Number(4, 1000)] = 32
     firmware: Annotated[tuple[int, int], Number(0, 32767)] = (25010, 16003)
     rs_port: str = "COM2"
+    board_ports: tuple[str, ...] = ("COM2", "COM3", "COM4", "COM5", "COM6")
     error_codes: ErrorCodes = ErrorCodes.PW10
     link_at_step_0: bool = False
     latched: Annotated[tuple[DeviceRange, ...], Composed] = _FX2N_LATCHED
@@ -242,6 +244,7 @@ _FX2N = replace(
     word_spacing=10,
     firmware=(24300, 0),
     rs_port="COM3",
+    board_ports=("COM3",),
     error_codes=ErrorCodes.FX,
     link_at_step_0=True,
 )
@@ -251,7 +254,12 @@ PROFILES: dict[str, Profile] = {
     "pw10": _PW10,
     "fx2n": _FX2N,
     "fx3u": replace(
-        _FX2N, name="fx3u", firmware=(24300, 16300), latched=_FX3U_LATCHED, error_codes=ErrorCodes.FX3U
+        _FX2N,
+        name="fx3u",
+        firmware=(24300, 16300),
+        board_ports=("COM3", "COM4"),
+        latched=_FX3U_LATCHED,
+        error_codes=ErrorCodes.FX3U,
     ),
     "fx1s": replace(
         _FX2N,

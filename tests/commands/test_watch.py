@@ -237,3 +237,21 @@ def test_a_picture_has_room_for_so_many_and_says_which_are_left_out(
     assert capsys.readouterr().err == f"{picture} has no room for line.D36, line.D37\n"
     # Width and height in the PNG's header, at 150 dots an inch.
     assert int.from_bytes(picture.read_bytes()[20:24], "big") <= 22 * 150
+
+
+def test_a_table_says_when_a_plc_had_no_supply(tmp_path: Path) -> None:
+    scenario = tmp_path / "x.yaml"
+    scenario.write_text(
+        "schema: 1\nname: x\nduration: 3 s\nplcs:\n"
+        "  - {name: p, scan: 5 ms, program: 'LD M8000\n\n    MOV K5 D300\n\n    END'}\n"
+        "  - {name: q, scan: 5 ms}\n"
+        "faults: [{at: 1 s, for: 500 ms, power_off: p}]\n",
+        encoding="utf-8",
+    )
+    table = tmp_path / "x.csv"
+    assert main(["watch", str(scenario), "--devices", "p.D300,q.D0", "--csv", str(table)]) == 0
+    head, *rows = (line.split(",") for line in table.read_text(encoding="utf-8").splitlines())
+    assert head == ["time_s", "p.D300", "q.D0", "p without supply"]
+    # D300 is latched: nothing of memory changes where the supply goes and comes back.
+    assert [row[1:] for row in rows] == [["0", "0", "0"], ["5", "0", "0"], ["5", "0", "1"], ["5", "0", "0"]]
+    assert [row[0] for row in rows[2:]] == ["1.000000000", "1.500000000"]

@@ -41,7 +41,7 @@ plcs:
       D1: {constant: -5}
       D2: {ramp: {from: 10, to: -10, over: 10 s}}
   - {name: press2, profile: pw10, scan: 5 ms, phase: 2 ms, nn: {bus: link, port: COM4, station: 1}}
-  - {name: press3, profile: fx2n, scan: 12 ms, registers: {D8176: 2, M8179: 1}, ports: {COM4: {bus: link}}}
+  - {name: press3, profile: fx3u, scan: 12 ms, registers: {D8176: 2, M8179: 1}, ports: {COM4: {bus: link}}}
 noise:
   - {bus: link, ber: 1.0e-6}
   - {bus: link, at: 1 s, for: 2 s, burst: {good: 10 s, bad: 20 ms, ber_good: 0, ber_bad: 1.0e-2}}
@@ -93,7 +93,7 @@ def test_the_whole_form() -> None:
     assert (press2.phase, press2.power_on, press2.scan) == (2 * MS, 4 * S, model.Scan(5 * MS, 0))
     assert press3.registers == {"D8176": 2, "M8179": 1}
     assert press3.link == model.LinkAttachment("link", "COM4")
-    assert press3.profile == PROFILES["fx2n"]
+    assert press3.profile == PROFILES["fx3u"]
 
 
 def test_noise() -> None:
@@ -240,7 +240,7 @@ def test_a_profile_with_the_fields_of_ports_changed() -> None:
     given = dict.fromkeys(field.name for field in dataclasses.fields(found))
     unreachable = given.keys() - ProfileIn.model_fields.keys()
     # What a family is, not how it behaves.
-    assert unreachable == {"name", "documented_modes", "devices", "rs_port"}
+    assert unreachable == {"name", "documented_modes", "board_ports", "rs_port"}
 
 
 def test_silences_left_out_stay_as_they_are() -> None:

@@ -19,6 +19,9 @@ from bussim.plc.system_devices import CLOCK
 
 #: The bit under which an FX takes its link settings over, if its contact is the program's first step.
 LINK_SETTINGS = 8038
+#: What an FX1S lacks of the applied instructions (table of FX programming, from memory: assumed), and the
+#: two that a PW10 has.
+_NOT_OF_AN_FX1S = ("CML", "FMOV", "XCH", "NEG", "ROR", "ROL", "MEAN", "RS2", "CPAVL")
 
 
 @dataclass(frozen=True)
@@ -131,6 +134,8 @@ def _warnings(instructions: list[Instruction], name: str, family: Family) -> Ite
     step: int | None = None  # the state whose step it is
     idle: dict[str, Instruction] = {}
     for at in instructions:
+        if family is Family.FX1S and at.spec.name in _NOT_OF_AN_FX1S and idle.setdefault(at.name, at) is at:
+            yield warn(at, f"an FX1S lacks {at.name} (assumed), which is simulated as if it were there")
         if at.spec.flow in (Flow.STL, Flow.RET):
             step = at.operands[0].address if at.operands else None
         for extent in extents(at):

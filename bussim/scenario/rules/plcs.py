@@ -25,6 +25,7 @@ def check_plcs(resolved: Resolved, report: Report) -> None:
         path, family = (*member.path, "registers"), member.profile.family
         check_registers(path, member.plc.registers, report, link=True, family=family)
         _check_clock(member, report)
+        _check_ports(member, report)
         _check_source_devices(member, report)
         _check_short_levels(member, report)
         if member.plc.nn is not None:
@@ -46,6 +47,15 @@ def _check_clock(member: Member, report: Report) -> None:
     if "D8019" in member.raw:
         text = "D8019, the day of the week, follows from D8013 to D8018; leave it out"
         report.warn(path, f"{member.name}: {text}")
+
+
+def _check_ports(member: Member, report: Report) -> None:
+    """Ports that a family's boards do not have."""
+    used = [member.port] * member.takes_part + [config.name for config in member.ports]
+    allowed = member.profile.board_ports
+    for port in sorted({*used} - {*allowed}):
+        has = f"a PLC of profile {member.profile.name} has {' and '.join(allowed)}"
+        report.warn(member.path, f"{member.name}: {has}, not {port}, which is simulated as if it were there")
 
 
 def _report_unknown_bus(member: Member, resolved: Resolved, report: Report) -> None:

@@ -66,6 +66,49 @@ def test_the_link_has_other_devices_there() -> None:
         assert not Program.parse(text, "p", family=family).warnings
 
 
+def test_instructions_that_it_lacks_are_named_once() -> None:
+    text = "LD M8000\nFMOV K1 D0 K3\nFMOVP K1 D0 K3\nDXCH D20 D22\nMOV K1 D9\nEND"
+    found = [str(problem) for problem in Program.parse(text, "p", family=Family.FX1S).warnings]
+    lacks = "(assumed), which is simulated as if it were there"
+    assert found[0] == f"p:2:1: an FX1S lacks FMOV {lacks}"
+    assert [text for text in found if "lacks" in text][1:] == [
+        f"p:3:1: an FX1S lacks FMOVP {lacks}",
+        f"p:4:1: an FX1S lacks DXCH {lacks}",
+    ]
+    assert not Program.parse(text, "p", family=Family.FX2N).warnings
+
+
+BOARDS = """
+schema: 1
+name: x
+duration: 1 s
+buses: [{name: link, nn: true}, {name: line, baud: 9600}]
+plcs:
+  - name: p
+    profile: FAMILY
+    scan: 5 ms
+    nn: {bus: link, port: LINK, station: 0, slaves: 1}
+    ports: {PORT: {bus: line, protocol: modbus-rtu-slave, station: 1}}
+  - {name: q, scan: 5 ms, nn: {bus: link, port: COM4, station: 1}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("family", "link", "port", "lacks"),
+    [
+        ("fx1s", "COM3", "COM4", ["COM4"]),
+        ("fx2n", "COM4", "COM5", ["COM4", "COM5"]),
+        ("fx3u", "COM3", "COM4", []),
+        ("fx3u", "COM4", "COM5", ["COM5"]),
+        ("pw10", "COM4", "COM6", []),
+    ],
+)
+def test_ports_that_a_family_lacks_are_named(family: str, link: str, port: str, lacks: list[str]) -> None:
+    text = BOARDS.replace("FAMILY", family).replace("LINK", link).replace("PORT", port)
+    found = [str(warning) for warning in loads(text).warnings if "as if it were there" in str(warning)]
+    assert [warning.rpartition(", not ")[2].split(",")[0] for warning in found] == lacks
+
+
 SCENARIO = """
 schema: 1
 name: x

@@ -64,7 +64,10 @@ CASES: dict[str, tuple[str, list[str]]] = {
     ),
     "a family without the mode": (
         changed("name: press2,", "name: press2, profile: fx1s,").replace("slaves: 2", "slaves: 2, mode: 1"),
-        ["10:5: press2 (fx1s) does not have the master's refresh mode 1: it stays out of the link"],
+        [
+            "10:5: press2 (fx1s) does not have the master's refresh mode 1: it stays out of the link",
+            "10:5: press2: a PLC of profile fx1s has COM3, not COM4, which is simulated as if it were there",
+        ],
     ),
     "other addresses": (
         changed("name: press2,", "name: press2, profile: fx3u,"),

@@ -40,6 +40,7 @@ class FlowCheck:
             last = program[-1] if program else None
             position = (last.line, last.column) if last is not None else (1, 1)
             message = "the program has no END; it must be its last instruction"
+            message = message if program else "the program has no instructions"
             self.problems.append(Problem(self._name, *position, message))
         elif end + 1 < len(program):
             self._wrong(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from bussim.plc.program.text.catalog import FORMS, Spec
 from bussim.plc.program.text.unsimulated import SKIP, effect_of
 from bussim.wording import nearest, shorten
@@ -33,6 +35,8 @@ def unknown(word: str) -> str:
     """Why a word is no instruction here, and which one may be meant."""
     shown = shorten(repr(word))
     upper = word.upper()
+    if re.fullmatch(r"FNC\(?\d*\)?", upper, re.ASCII):
+        return f"{shown} is the number of an instruction; write its name, such as MOV for FNC 12"
     if effect := effect_of(upper):
         return f"{shown} is an FX3 instruction that is not simulated; {SKIP}: {effect}"
     # A known instruction in a form that it does not have says more than the nearest name.
