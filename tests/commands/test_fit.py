@@ -48,6 +48,7 @@ def fitted(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any
     return found
 
 
+@pytest.mark.slow
 def test_estimates_make_a_scenario_that_behaves_like_the_recording(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -126,6 +126,7 @@ def _short(scenario: str) -> str:
     return read(scenario).replace("duration: ", "duration: 2 s #")
 
 
+@pytest.mark.slow
 def test_every_figure_of_a_sizing_has_a_class() -> None:
     found = json.loads(CliRunner().invoke(size, ["electrical_noise", "--json"]).stdout)["links"]["link"]
     settings = {"D8179", "D8180", "attempts"}

@@ -157,6 +157,7 @@ def test_for_how_long_which_station_worked_on_old_data() -> None:
             assert stale[names[source], names[receiver]] == expected
 
 
+@pytest.mark.slow
 def test_the_summary_names_the_longest() -> None:
     import bussim
 

@@ -101,6 +101,7 @@ def test_poll_lists_without_a_link() -> None:
     assert "no N:N link, whose law --plot draws" in str(plotted.exception)
 
 
+@pytest.mark.slow
 def test_pictures(tmp_path: Path) -> None:
     result = invoke(exact, "electrical_noise", "--set", "duration=5 s", "--plot", "--out", str(tmp_path))
     assert result.exception is None
@@ -191,7 +192,13 @@ noise: [{name: line, bus: link, ber: 1.0e-6}]
 DESCRIBED = ("--stations", "4", "--mode", "2", "--scan", "8ms", "--ber", "1e-6", "--profile", "fx3u")
 
 
-@pytest.mark.parametrize("more", [(), ("--goal", "dead<=150ms"), ("--goal", "ride>=100ms")])
+@pytest.mark.parametrize(
+    "more",
+    [
+        ("--goal", "ride>=100ms"),
+        *(pytest.param(each, marks=pytest.mark.slow) for each in ((), ("--goal", "dead<=150ms"))),
+    ],
+)
 def test_a_link_of_equal_stations_is_sized_as_its_file_would_be(
     more: tuple[str, ...], tmp_path: Path
 ) -> None:

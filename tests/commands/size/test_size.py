@@ -291,6 +291,7 @@ def test_no_table_of_refreshes_has_a_header_alone(tmp_path: Path, capsys: pytest
     assert "where a dead station is spoken of" not in said  # no more can die
 
 
+@pytest.mark.slow
 def test_answers_have_a_figure_for_each_goal() -> None:
     wanted = ("onsets<=1/y", "scan<=300ms@1e-6", "heartbeat=1500ms@1/y", "ride>=0")
     found = sized("press_line", *goals(*wanted))
@@ -325,6 +326,7 @@ def test_where_nearly_every_scan_has_an_error_no_figure_a_year_is_given() -> Non
     assert "every station in error in nearly every scan" in rows[1]
 
 
+@pytest.mark.slow
 def test_a_heartbeat_that_is_advised_is_the_least_that_all_goals_allow(packing: str) -> None:
     found = sized(packing, *goals("heartbeat=100ms@1/y"))
     (change,) = [text for text in found["unmet"][0]["helps"] if text.startswith("heartbeat=")]  # type: ignore[index]

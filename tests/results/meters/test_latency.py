@@ -544,6 +544,7 @@ def test_shortest_mean_and_longest_are_stacked_from_their_parts() -> None:
     assert longest == pytest.approx([10, 5, 8, 2, 70])
 
 
+@pytest.mark.slow
 def test_a_few_far_latencies_leave_the_usual_ones_their_own_axes() -> None:
     many = [30 + number % 20 for number in range(200)]
     run = made("cut", [*many, 5000], (10, 5, 8, 2), {**BOUNDS, "every retry spent": 4000.0})

@@ -320,6 +320,7 @@ def test_a_thing_has_one_colour() -> None:
     assert set(FRAMES.values()) <= set(PALETTE)
 
 
+@pytest.mark.slow
 def test_the_users_own_settings_change_nothing(tmp_path: Path) -> None:
     import matplotlib as mpl
 

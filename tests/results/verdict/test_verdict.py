@@ -21,6 +21,7 @@ from bussim.results.result import Result
 from bussim.results.text.run import show_result
 from bussim.results.verdict.verdict import faults
 from bussim.sim.faults import FaultPlan
+from tests.selection import quick
 
 from .cases import ONE_THING_WRONG, SYMPTOMS, Case, Data, healthy, link, modbus
 
@@ -46,7 +47,14 @@ def items(result: Result) -> list[dict[str, Any]]:
     return found
 
 
-@pytest.mark.parametrize("make", ONE_THING_WRONG, ids=lambda make: str(make.__name__))
+#: What takes longest to simulate: in the slow pass.
+LONG = {"jabber", "jabbering_master", "noise_at_the_masters_receiver", "same_number", "two_masters"}
+ONE = [
+    pytest.param(make, marks=pytest.mark.slow) if make.__name__ in LONG else make for make in ONE_THING_WRONG
+]
+
+
+@pytest.mark.parametrize("make", ONE, ids=lambda make: str(make.__name__))
 def test_the_one_thing_that_is_wrong_is_named(make: Callable[[random.Random], Case], tmp_path: Path) -> None:
     case = make(random.Random(ONE_THING_WRONG.index(make)))
     result = run(case.scenario, tmp_path)
@@ -68,7 +76,7 @@ def test_where_nothing_is_wrong_nothing_is_named(seed: int, tmp_path: Path) -> N
     assert any(item["key"] in ("no_station_in_error", "own_data_times") for item in items(result))
 
 
-@pytest.mark.parametrize("make", ONE_THING_WRONG[::4], ids=lambda make: str(make.__name__))
+@pytest.mark.parametrize("make", quick(2, ONE_THING_WRONG[::4]), ids=lambda make: str(make.__name__))
 def test_a_verdict_rests_on_no_fault_of_the_scenario(
     make: Callable[[random.Random], Case], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -90,6 +98,7 @@ def test_a_little_noise_is_not_called_healthy_where_a_station_shows_it(tmp_path:
     assert not [item for item in items(result) if item["key"] == "no_station_in_error"]
 
 
+@pytest.mark.slow
 def test_each_outage_has_its_own_cause(tmp_path: Path) -> None:
     """A jabbering station does not hide that another one had no supply, nor that its replies were lost."""
     line = link(random.Random(3))
@@ -293,7 +302,7 @@ def test_responses_to_other_requests_are_none_of_its_own() -> None:
     assert "with success" not in page(result)
 
 
-@pytest.mark.parametrize("name", ["nn_with_modbus", "hmi_on_com2"])
+@pytest.mark.parametrize("name", quick(1, ["hmi_on_com2", "nn_with_modbus"]))
 def test_answered_late_and_mistaken_are_never_more_than_the_requests(name: str) -> None:
     summary = bussim.run(name, rows=False).summary
     for node in (*summary["ports"].values(), *summary["devices"].values()):
@@ -339,6 +348,7 @@ def test_failed_attempts_are_those_of_errors_or_repeated_with_success() -> None:
     assert said == {"station_error": {"01": 90}, "repeated": {"04": 3}}
 
 
+@pytest.mark.slow
 def test_onsets_are_as_many_as_flags_that_went_on() -> None:
     for name in ("press_line", "bursts", "cable_cut"):
         record = bussim.run(name, rows=False).record

@@ -227,6 +227,7 @@ def _link_and_port(*, reply: Reply, busy: bool, seconds: float = 20) -> Done:
     )
 
 
+@pytest.mark.slow
 def test_a_busy_port_is_seen_in_the_link_only_where_replies_wait_for_end() -> None:
     quiet, busy = (_link_and_port(reply=Reply.INTERRUPT, busy=busy) for busy in (False, True))
     assert quiet.durations == busy.durations
