@@ -39,11 +39,14 @@ WANTED = {
 #: What takes longest to simulate: in the slow pass.
 LONG = {
     "bursts",
+    "counter_preset",
     "drive_impulses",
     "electrical_noise",
+    "feeder_off",
     "interlock",
     "nn_with_modbus",
     "same_number_twice",
+    "slow_slave_short_timeout",
     "two_masters",
 }
 

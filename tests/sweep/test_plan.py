@@ -91,6 +91,7 @@ def test_a_mistake_that_only_some_points_have_names_them(scenario: Path) -> None
         assert line.endswith("(at every point)")
 
 
+@pytest.mark.slow
 def test_thousands_of_mistakes_do_not_fill_the_screen(scenario: Path) -> None:
     found = bad_points(scenario, f"{RETRIES}=11:400:1")
     assert len(found) == 101

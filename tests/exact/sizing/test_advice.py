@@ -417,6 +417,7 @@ def test_goals_conflicts_and_changes_of_many_links(model: LinkModel, texts: list
     advice_holds(with_rate((model, "bus", None), ber), texts)
 
 
+@pytest.mark.slow
 def test_a_deadline_that_every_scan_exceeds_has_the_least_that_does_beside_it() -> None:
     model, goals = link(2), goals_of(["scan<=5ms@1e-06"])
     (unmet,) = unmet_goals(model, goals, evaluate_goals(model, goals))

@@ -17,6 +17,7 @@ from bussim.results.store.load import load_run
 from bussim.results.store.rows import FileRows
 from bussim.units import TICKS_PER_SECOND
 from tests.results.fakes import Fake, quiet
+from tests.selection import quick
 
 pytestmark = pytest.mark.usefixtures("pictures_undrawn")
 
@@ -280,7 +281,7 @@ def test_killed_at_any_moment_a_folder_is_whole_or_marked(tmp_path: Path, mode: 
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a closed file is all that Windows renames")
-@pytest.mark.parametrize("mode", ["new", "force"])
+@pytest.mark.parametrize("mode", quick(1, ["new", "force"]))
 def test_killed_between_any_two_changes_of_the_disk(
     tmp_path: Path, mode: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
