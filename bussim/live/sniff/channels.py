@@ -63,17 +63,20 @@ class Channels:
         best = max(
             readings, key=lambda each: (each.score.recognised, each.score.responses > 0, each.score.rank)
         )
-        setup, protocol = best.setup, best.protocol
         alike = [
-            each.setup.channels[0]
+            each
             for each in readings
-            if each.score.recognised and (each.setup[:2], each.protocol) == (setup[:2], protocol)
+            if each.score.recognised
+            and (each.setup[:2], each.protocol) == (best.setup[:2], best.protocol)
         ]
-        if len(alike) < 2 or protocol is None:
+        if len(alike) < 2 or best.protocol is None:
             return best
-        alone, together = self._together(setup, protocol, [setup.channels[0], *alike])
         # Where one channel has both directions, others repeat a part of it, or are what its nodes drive: of
-        # two that send at once more is sound on these than on the line.
+        # two that send at once more is sound on these than on the line, and some of a node's frames may be
+        # taken for responses.
+        best = max(alike, key=lambda each: (each.score.responses, each.score.rank))
+        names = [each.setup.channels[0] for each in (best, *alike)]
+        alone, together = self._together(best.setup, best.protocol, names)
         several = len(settings.channels) > 1 or together.score.responses > _FAR_MORE * alone.score.responses
         return together if several else best
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bussim.cli import main
-from tests.live.recordings.generator import Serial, ascii_frame, modbus, nn_link, sigrok, wave
+from tests.live.recordings.generator import Sent, Serial, ascii_frame, modbus, nn_link, rtu, sigrok, wave
 from tests.live.recordings.reading import attempts, ok, sniffed
 from tests.selection import quick
 
@@ -200,6 +200,26 @@ def test_too_few_samples_are_refused_with_the_rate_that_was_found(
     slow = Serial(1200, 8, "N", 1)
     path = sigrok(tmp_path / "slow.sr", 9600, {"D0": wave(modbus(slow, 10, 1)[0], slow, 9600)})
     assert sniffed(path)["baud"] == 1200  # too few for the usual rates, enough for its own
+
+
+def test_a_line_with_a_damaged_request_is_taken_before_what_its_slave_drives(tmp_path: Path) -> None:
+    """Writes and their responses are alike: some of a slave's frames by themselves look like exchanges."""
+    serial = Serial(9600, 8, "E", 1)
+    rng = random.Random(1)
+    sent: list[Sent] = []
+    for number in range(60):
+        at, value = 0.05 + 0.1 * number, rng.randrange(2)
+        write = rtu(1, 6, b"\x00\x07", bytes((0, value)))
+        sent += [Sent(at, write, 0, (12,) if number == 30 else ()), Sent(at + 0.02, write, 1)]
+    sent = [each for number, each in enumerate(sent) if number != 61]  # to what is damaged nobody responds
+    channels = {
+        "bus": wave(sent, serial, 100_000),
+        "master": wave([each for each in sent if not each.wire], serial, 100_000),
+        "slave": wave([each for each in sent if each.wire], serial, 100_000),
+    }
+    found = sniffed(sigrok(tmp_path / "line.sr", 100_000, channels))
+    assert found["channels"] == ["bus"]
+    assert (found["frames"], found["damaged"], found["outcomes"]) == (119, 1, {"ok": 59})
 
 
 @pytest.mark.parametrize("off", [-0.02, -0.01, 0.01, 0.02])
