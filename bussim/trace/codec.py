@@ -195,12 +195,16 @@ def from_line(line: Line, buses: Mapping[str, TraceBus]) -> Record | None:
 
 def _values(line: Line, fields: Collection[_Field], required: Collection[str] = ()) -> dict[str, Any]:
     """The values of a record's fields; those named in ``required`` must be there in spite of a default."""
-    return {
-        field.name: field.default
-        if field.key not in line and field.default is not _REQUIRED and field.name not in required
-        else _read(line, field.key, field.read)
-        for field in fields
-    }
+    found: dict[str, Any] = {}
+    for name, key, _, read, _, default in fields:
+        if key not in line and default is not _REQUIRED and name not in required:
+            found[name] = default
+            continue
+        try:  # as _read: a call for each value would be a fifth of the time of reading
+            found[name] = read(line[key])
+        except (KeyError, ValueError):
+            _read(line, key, read)
+    return found
 
 
 def _read(line: Line, key: str, read: Callable[[Any], Any]) -> Any:

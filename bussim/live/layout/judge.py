@@ -178,8 +178,14 @@ def judge(source: Source, setup: LineSetup, bus: str, limit: int | None = None) 
     unsound = {kind: sum(given.decode(each.chars) is None for each in every) for kind, every in taken.items()}
     kind = max(unsound, key=lambda one: unsound[one] / max(1, len(taken[one])))
     share = unsound[kind] / max(1, len(taken[kind]))
+    own = [scan.begin for scan in polled.scans if scan.begin is not None]
+    sent = [each.poll for each in attempts] + own
     if unsound[kind] <= _LEAST or share <= _FEW:
         return None
+    if own and _sound(given, sent) >= (1 - _FEW) * len(sent):
+        return (
+            None  # all that the master sends is sound: stations' replies, laid out as its data, are damaged
+        )
     proposed = propose(polled)
     sound = 0 if proposed is None else _sound(proposed, found)
     if sound <= _sound(given, found) + _LEAST:

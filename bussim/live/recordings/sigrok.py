@@ -114,7 +114,7 @@ class SigrokFile(Source):
         self.rate = round(float(match.group(1)) * _SCALES[match.group(2)])
         unit = section.get("unitsize", "1").strip()
         self._unit = int(unit) if unit.isascii() and unit.isdigit() and len(unit) < 3 else 0
-        if not self.rate or self.rate > 10**11 or not 1 <= self._unit <= 8:
+        if not self.rate or self.rate > 10**10 or not 1 <= self._unit <= 8:
             raise RecordingError(f"{self._name}: {self.rate} samples a second of {unit[:8]} bytes")
         #: Channels by name, with the number of their bit.
         self.channels = {
@@ -181,25 +181,24 @@ class SigrokFile(Source):
         """
         import numpy as np
 
-        before = np.full(self._unit, 0xFF, dtype=np.uint8)
-        at = 0
+        before, at = np.array([np.iinfo(np.uint64).max], dtype="<u8"), 0
         for block in self._blocks():
-            rows = np.concatenate((before[None], block))
-            changed = np.flatnonzero((rows[1:] != rows[:-1]).any(axis=1))
-            flips = rows[changed] ^ rows[changed + 1]
+            samples = np.concatenate((before.astype(block.dtype), block))
+            changed = np.flatnonzero(samples[1:] != samples[:-1])
+            flips = samples[changed] ^ samples[changed + 1]
             found = {}
             for name in names:
-                byte, shift = divmod(self.channels[name], 8)
-                found[name] = changed[(flips[:, byte] >> shift) & 1 == 1] + at
-            before = rows[-1]
+                found[name] = changed[(flips >> self.channels[name]) & 1 == 1] + at
+            before = samples[-1:]
             at += len(block)
             yield found, at
         self.samples = at
 
     def _blocks(self) -> Iterator[np.ndarray]:
-        """The samples, a row each, in blocks."""
+        """The samples, a number each, in blocks."""
         import numpy as np
 
+        size = 1 << (self._unit - 1).bit_length()  # a number has 1, 2, 4 or 8 bytes
         for name in self._parts():
             try:
                 with self._zip.open(name) as part:
@@ -209,7 +208,10 @@ class SigrokFile(Source):
                         whole = len(data) // self._unit * self._unit
                         rest = data[whole:]
                         if whole:
-                            yield np.frombuffer(data[:whole], dtype=np.uint8).reshape(-1, self._unit)
+                            rows = np.frombuffer(data[:whole], dtype=np.uint8).reshape(-1, self._unit)
+                            if size > self._unit:
+                                rows = np.pad(rows, ((0, 0), (0, size - self._unit)))
+                            yield rows.view(f"<u{size}")[:, 0]
             except _ZIP_ERRORS as error:
                 raise RecordingError(f"{self._name}: {name} cannot be read: {error}") from error
 

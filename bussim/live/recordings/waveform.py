@@ -151,11 +151,10 @@ class Receiver:
             self._ready = float(ready[begun[-1]])
         first = np.array(begun, dtype=np.int64)[low[begun]]
         levels = 1 - np.searchsorted(kept, starts[first, None] + self._centres[1:]) % 2
-        rate, length, table = self._rate, self._ticks, self._table
-        found = []
-        for word, start in zip((levels @ self._weights).tolist(), starts[first].tolist(), strict=True):
-            tick = (2 * start * TICKS_PER_SECOND + rate) // (2 * rate)
-            found.append((table[word], tick, tick + length))
+        seconds, samples = np.divmod(starts[first], self._rate)
+        ticks = seconds * TICKS_PER_SECOND + (2 * samples * TICKS_PER_SECOND + self._rate) // (2 * self._rate)
+        chars = map(self._table.__getitem__, (levels @ self._weights).tolist())
+        found = list(zip(chars, ticks.tolist(), (ticks + self._ticks).tolist(), strict=True))
         # An edge whose partner is still to come stays: edges to a start bit's level have even indices.
         self._edges = kept[min(2 * last, len(kept) & ~1) :]
         return found

@@ -23,6 +23,8 @@ _LEAST_EDGES = 20
 _GLANCED, _CLEAR = 1500, 0.9
 #: Several channels are one line if they give so many times the responses that one of them gives.
 _FAR_MORE = 4
+#: Two characters that are on a line at once have edges within so many bits.
+_NEARBY = 12
 #: Wrong bits that noise may make, as a share of characters.
 _FEW_WRONG = 0.05
 
@@ -39,12 +41,6 @@ class Channels:
             if channel.total >= _LEAST_EDGES
         }
         self._known: dict[tuple[str, LineTiming, bool | None], list[Timed]] = {}
-
-    def standard(self, reading: Reading) -> bool:
-        """Whether the rate that was measured is a standard one."""
-        return all(
-            found is not None and found.standard for found in map(self._measured.get, reading.setup.channels)
-        )
 
     def best(self, settings: Settings) -> Reading:
         """The best reading: of a channel that has both directions, or of several with one each.
@@ -63,22 +59,40 @@ class Channels:
         best = max(
             readings, key=lambda each: (each.score.recognised, each.score.responses > 0, each.score.rank)
         )
+        setup, protocol = best.setup, best.protocol
         alike = [
             each
             for each in readings
-            if each.score.recognised
-            and (each.setup[:2], each.protocol) == (best.setup[:2], best.protocol)
+            if each.score.recognised and (each.setup[:2], each.protocol) == (setup[:2], protocol)
         ]
-        if len(alike) < 2 or best.protocol is None:
+        if len(alike) < 2 or protocol is None:
             return best
+        parts = [each.setup.channels[0] for each in alike]
         # Where one channel has both directions, others repeat a part of it, or are what its nodes drive: of
-        # two that send at once more is sound on these than on the line, and some of a node's frames may be
-        # taken for responses.
-        best = max(alike, key=lambda each: (each.score.responses, each.score.rank))
-        names = [each.setup.channels[0] for each in (best, *alike)]
-        alone, together = self._together(best.setup, best.protocol, names)
+        # two that send at once more is sound on these than on the line.
+        if len(settings.channels) < 2:
+            lines = [
+                name for name in names if self._has_all(name, parts, self._source.rate / setup.timing.baud)
+            ]
+            whole = [self._read(setup._replace(channels=(name,)), protocol)[0] for name in lines]
+            if whole:
+                return max(whole, key=lambda each: (each.score.responses, each.score.rank))
+        alone, together = self._together(setup, protocol, [setup.channels[0], *parts])
         several = len(settings.channels) > 1 or together.score.responses > _FAR_MORE * alone.score.responses
         return together if several else best
+
+    def _has_all(self, name: str, parts: Sequence[str], bit: float) -> bool:
+        """Whether a channel has edges where each of several has: it is the line that they drive."""
+        import numpy as np
+
+        own = self._channels[name].edges
+        for part in parts:
+            edges = self._channels[part].edges
+            edges = edges[edges <= own.max(initial=-1)]
+            near = np.searchsorted(own, edges + _NEARBY * bit) > np.searchsorted(own, edges - _NEARBY * bit)
+            if not len(near) or near.mean() < _CLEAR:
+                return False
+        return True
 
     def _together(self, setup: LineSetup, protocol: LineProtocol, names: list[str]) -> list[Reading]:
         """The readings of the first channel and of all others as one line, of what was surveyed of all."""

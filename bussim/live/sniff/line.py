@@ -18,6 +18,7 @@ from bussim.live.recordings.packets import PROTOCOLS, PacketFile
 from bussim.live.recordings.sigrok import SigrokFile
 from bussim.live.recordings.source import LineSetup, Source
 from bussim.live.recordings.text import TextFile
+from bussim.live.recordings.waveform import STANDARD
 from bussim.live.sniff.channels import Channels
 from bussim.live.sniff.heard import LineProtocol
 from bussim.live.sniff.reading import SHOWN_CHARS, Reading, Score, Settings, pieces_of, read
@@ -73,7 +74,7 @@ def find_line(source: Source, settings: Settings, tolerance: int) -> FoundLine:
         warnings["not_recognised"] = "no protocol is recognised in it"
         described = channels.described() if channels is not None else [_begins(source, best)]
         likely = channels.likeliest(settings) if channels is not None else None
-    elif channels is not None and not settings.baud and not channels.standard(best):
+    elif channels is not None and not settings.baud and best.setup.timing.baud not in STANDARD:
         warnings["rate"] = f"{best.setup.timing.baud} bps is not a standard rate"
     return FoundLine(best, suggested, described, likely, warnings)
 

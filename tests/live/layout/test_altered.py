@@ -17,7 +17,8 @@ from bussim.live.layout.sums import KINDS
 from bussim.live.recordings.source import Chunk
 from bussim.units import TICKS_PER_SECOND
 from tests.live.layout.generator import ALTERED, Made, Truth, assumed, recorded
-from tests.live.recordings.generator import Sent, Serial, sigrok, wave
+from tests.live.recordings.generator import Sent, Serial, nn_link, pcap, sigrok, wave
+from tests.live.recordings.reading import sniffed
 from tests.selection import quick
 
 #: Links of other sizes, with dead stations, bit errors and lost replies.
@@ -200,6 +201,15 @@ def test_a_session_of_another_layout_is_read_at_its_own_rate_and_format(
     assert found["link"]["slaves"] == 2
     assert found["link"]["scan_time_ms"]["mean"] == pytest.approx(truth.mean_scan, abs=0.1)
     assert found["layout"]["sound"] == truth.frames
+
+
+def test_a_line_whose_replies_alone_are_damaged_has_the_layout_of_its_master(tmp_path: Path) -> None:
+    sent = [
+        each._replace(chars=each.chars[:5] + b"\x00" + each.chars[6:]) if each.wire else each
+        for each in nn_link(Serial(38400, 7, "E", 1), 60)
+    ]
+    found = sniffed(pcap(tmp_path / "line.pcap", sent, 148), "-b", "38400")
+    assert (found["layout"], found["frames"], found["damaged"]) == (None, 300, 120)
 
 
 def test_the_guide_prints_the_layout_that_ships() -> None:

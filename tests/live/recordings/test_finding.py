@@ -222,6 +222,27 @@ def test_a_line_with_a_damaged_request_is_taken_before_what_its_slave_drives(tmp
     assert (found["frames"], found["damaged"], found["outcomes"]) == (119, 1, {"ok": 59})
 
 
+def test_the_line_on_which_two_send_at_once_is_taken_before_what_each_drives(tmp_path: Path) -> None:
+    """Of two that are a third of a bit apart no distance of edges is whole: the line alone shows no rate."""
+    serial, rate = Serial(38400, 7, "E", 1), 400_000
+    sent = nn_link(serial, 24)
+    own = [wave([each for each in sent if each.wire == 0], serial, rate)]
+    own += [
+        wave([each._replace(at=each.at + late / 38400) for each in sent if each.wire], serial, rate)
+        for late in (0, 7.37)
+    ]
+    both = np.ones(max(map(len, own)), dtype=np.uint8)
+    for level in own:
+        both[: len(level)] &= level
+    path = sigrok(
+        tmp_path / "line.sr", rate, dict(zip(("master", "one", "two", "bus"), [*own, both], strict=True))
+    )
+    found = sniffed(path)
+    assert (found["channels"], found["damaged"], found["warnings"]) == (["bus"], 48, [])
+    assert (found["frames"], found["outcomes"]) == (len(sent), {"damaged": 47, "undecided": 1})
+    assert sniffed(path, "--channel", "master,one")["outcomes"] == {"ok": 48}
+
+
 @pytest.mark.parametrize("off", [-0.02, -0.01, 0.01, 0.02])
 def test_a_clock_that_is_off_is_read_at_its_standard_rate(off: float, tmp_path: Path) -> None:
     nominal, real = Serial(9600, 8, "E", 1), Serial(round(9600 * (1 + off)), 8, "E", 1)
