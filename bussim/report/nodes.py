@@ -66,6 +66,7 @@ _ROLES: tuple[tuple[str, str, tuple[Metric, ...]], ...] = (
             Metric("messages received", ("received",)),
             Metric("receptions ended by timeout", ("timeouts",)),
             Metric("damaged characters", ("damaged",)),
+            Metric("messages of others: {}", ("messages",)),
             Metric("bytes sent", ("bytes", "sent")),
             Metric("bytes received", ("bytes", "received")),
             Metric("port error {} ({port_error}; yy of D8063 = 7xyy)", ("errors",)),
@@ -87,7 +88,7 @@ _POLL = (
     Metric("turns", ("turns",)),
     Metric("failed turns", ("failed_turns",)),
     *(Metric(f"response, {label} (ms)", ("response_ms", key), 3) for key, label in _TIMES),
-    Metric("oldest data (ms)", ("age_ms", "before_refresh", "max"), 3),
+    Metric("oldest data (ms)", ("age_ms", "oldest"), 3),
     Metric("data age at the end (ms)", ("age_ms", "open"), 3),
 )
 

@@ -17,12 +17,24 @@ from bussim.results.summary.latency import LatencyBounds
 from bussim.results.summary.run import summarise
 from bussim.results.verdict.verdict import Evidence
 from bussim.trace import records
-from bussim.trace.records import IN_RUN, LEFT_RUN, EndsRecord, NoteRecord, Record, RunTotals, ScanRecord
+from bussim.trace.records import (
+    IN_RUN,
+    IN_STOP,
+    LEFT_RUN,
+    WITHOUT_SUPPLY,
+    EndsRecord,
+    NoteRecord,
+    Record,
+    RunTotals,
+    ScanRecord,
+)
 
 #: Notes that are kept besides the faults.
 MOST_NOTES = 1000
 #: ENDs that are recorded one by one come into a trace in blocks of so many.
 _ENDS_IN_A_BLOCK = 256
+#: What a PLC or device may be if it is not at work.
+_STATES = (WITHOUT_SUPPLY, IN_STOP)
 _ALWAYS_KEPT = frozenset({"fault", "fault_over"})
 
 
@@ -127,7 +139,9 @@ class Collector:
             self._link(self._bus_of.get(where, where)).found_master(where, tick)
         elif kind in (IN_RUN, LEFT_RUN):
             away = self._away.setdefault(where, Spans())
-            (away.off if kind == IN_RUN else away.on)(0, tick)
+            away.all_off(tick)
+            if kind == LEFT_RUN:
+                away.on(_STATES.index(record.text), tick)
             if where in self._bus_of:
                 self._link(self._bus_of[where]).state(where, tick, running=kind == IN_RUN)
         elif kind == "refused":
@@ -143,9 +157,9 @@ class Collector:
         else:
             self.left_out[kind] += 1
 
-    def failed(self, bus: str, tick: int, station: int, code: int) -> None:
+    def failed(self, bus: str, tick: int, station: int, code: int, *, garbled: bool = False) -> None:
         """Count a failed attempt in the scan under way."""
-        self._link(bus).attempt_failed(station, code, tick)
+        self._link(bus).attempt_failed(station, code, tick, garbled=garbled)
 
     def ends(self, plc: str, ticks: Sequence[int]) -> None:
         """Hand ENDs on, in a trace in blocks."""
@@ -174,6 +188,10 @@ class Collector:
     def irregular(self, bus: str, node: str, tick: int, what: str) -> None:
         """Count what a node's driver did."""
         note_irregular(self._irregular[bus], node, what, tick)
+
+    def exchanged(self, bus: str, node: str, peer: str, start: int, outcome: records.Outcome) -> None:
+        """Count what became of a message or request."""
+        self._ports.exchanged(bus, node, peer, start, outcome)
 
     def links(self, totals: RunTotals) -> dict[str, LinkRecord]:
         """What was kept of every link, in the order of the totals."""
@@ -210,7 +228,11 @@ class Collector:
                 links,
                 self._refused,
                 self._irregular,
-                {name: spans.all().get(0, []) for name, spans in self._away.items()},
+                {
+                    name: {_STATES[state]: times for state, times in spans.all().items()}
+                    for name, spans in self._away.items()
+                },
+                ports,
             ),
         )
         return RunRecord(summary, totals.duration, links, tuple(self.notes), self.left_out, ports, latency)

@@ -29,7 +29,7 @@ from bussim.sim.nn.reporter import LinkReporter
 from bussim.sim.notes import Notes
 from bussim.sim.runner import Lines, Simulation
 from bussim.sim.serial.bus import SerialBus
-from bussim.trace.records import RunTotals, Sink, TraceBus, TraceHeader
+from bussim.trace.records import Outcome, RunTotals, Sink, TraceBus, TraceHeader
 from bussim.units import TICKS_PER_MS, format_ms, milliseconds, seconds
 from bussim.wording import counted
 
@@ -100,6 +100,11 @@ class _SimulatedOnly(Collector):
             )
             for name, link in super().links(totals).items()
         }
+
+    def exchanged(self, bus: str, node: str, peer: str, start: int, outcome: Outcome) -> None:
+        """See the base class; what no simulated node is asked is not known to be missing."""
+        if outcome is not Outcome.MISSING:
+            super().exchanged(bus, node, peer, start, outcome)
 
 
 def _ignore(text: str) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import NamedTuple, Protocol
 
 from bussim.line.contention import Contention
@@ -232,8 +233,11 @@ class Sink(Protocol):
     def take(self, record: Record) -> None:
         """Take a record: attempts and frames only if :attr:`traced`, an input's change when it is sampled."""
 
-    def failed(self, bus: str, tick: int, station: int, code: int) -> None:
-        """An attempt of the bus's (first) master failed with an error code."""
+    def failed(self, bus: str, tick: int, station: int, code: int, *, garbled: bool = False) -> None:
+        """An attempt of the bus's (first) master failed with an error code.
+
+        ``garbled``: characters that were no sound frame came to the station meanwhile.
+        """
 
     def ends(self, plc: str, ticks: Sequence[int]) -> None:
         """ENDs of a PLC, in order.
@@ -259,6 +263,36 @@ class Sink(Protocol):
 
     def irregular(self, bus: str, node: str, tick: int, what: str) -> None:
         """A node's driver did at ``tick`` what disturbs a bus: one of :data:`IRREGULAR`."""
+
+    def exchanged(self, bus: str, node: str, peer: str, start: int, outcome: Outcome) -> None:
+        """What became of a message of ``peer`` at ``node``, or of a request of ``node`` to ``peer``.
+
+        Beside the links only. ``peer`` is a node, or a station number that no node of the bus has; ``start``
+        is the first edge. Requests come in order, messages once it is known what became of them.
+        """
+
+
+class Outcome(StrEnum):
+    """What became of a free protocol's message at a node, or of a Modbus request.
+
+    ``AWAY``: the receiver had no supply, was in STOP or sent jabber. ``DEAF``: it was at work, nothing came.
+    """
+
+    GOOD = "good"
+    AWAY = "away"
+    DEAF = "deaf"
+    # Of messages: characters with errors, or a reception ended by timeout; believed, with other characters;
+    # the port was not ready to receive.
+    DAMAGED = "damaged"
+    WRONG = "wrong"
+    NOT_READY = "not_ready"
+    # Of requests: no such station; received damaged; received, and no reply; a reply that did not arrive, or
+    # arrived damaged.
+    MISSING = "missing"
+    GARBLED = "garbled"
+    SILENT = "silent"
+    REPLY_LOST = "reply_lost"
+    REPLY_DAMAGED = "reply_damaged"
 
 
 #: What a driver does that is on while another node's frame begins: it sends a frame, it was not released

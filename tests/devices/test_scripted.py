@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from bussim.devices.free.scripted import MOST_WAITING, Message, ScriptedDevice
 from bussim.engines.contract import TRANSMIT, RxChar, Transmit
 from bussim.engines.free.engine import FreeFrame
-from bussim.engines.free.events import Sent
+from bussim.engines.free.events import Received, Sent
 from bussim.line.characters import CharFormat, LineTiming
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
@@ -38,6 +38,9 @@ def sent(device: ScriptedDevice, until: int, now: int = 0) -> list[tuple[int, by
             chars = device.begin_transmit(now).chars
             found.append((now, chars))
             busy = now + LINE.characters(len(chars))
+            continue
+        if isinstance(item, Received):
+            assert item.chars in [message.reply_to for message in device._messages]
             continue
         if item is not None:
             assert isinstance(item, Sent)

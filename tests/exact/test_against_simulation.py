@@ -17,7 +17,7 @@ from bussim.exact.refresh import gap_distributions
 from bussim.exact.solve import Solved
 from bussim.scenario.loader import from_data
 from bussim.sim.runner import simulate
-from bussim.trace.records import Record, RunTotals, ScanRecord
+from bussim.trace.records import Outcome, Record, RunTotals, ScanRecord
 from tests.exact.bounds import KOLMOGOROV, SIGMAS, kolmogorov, off_by
 from tests.selection import quick_names
 
@@ -36,11 +36,13 @@ class Heard:
         if isinstance(record, ScanRecord):
             self.scans.append(record.duration)
 
-    def failed(self, bus: str, tick: int, station: int, code: int) -> None: ...
+    def failed(self, bus: str, tick: int, station: int, code: int, *, garbled: bool = False) -> None: ...
 
     def switched(self, bus: str, position: int, tick: int, fresh: int | None) -> None: ...
 
     def irregular(self, bus: str, node: str, tick: int, what: str) -> None: ...
+
+    def exchanged(self, bus: str, node: str, peer: str, start: int, outcome: Outcome) -> None: ...
 
     def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
         del bus

@@ -22,7 +22,7 @@ from bussim.exact.solve import Solved
 from bussim.scenario.loader import from_data, load
 from bussim.scenario.model import Scenario
 from bussim.sim.runner import simulate
-from bussim.trace.records import Record, ScanRecord
+from bussim.trace.records import Outcome, Record, ScanRecord
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
 CASES = Path(__file__).parent / "cases"
@@ -50,13 +50,15 @@ class Seen:
         if isinstance(record, ScanRecord):
             self.scans.append(record)
 
-    def failed(self, bus: str, tick: int, station: int, code: int) -> None: ...
+    def failed(self, bus: str, tick: int, station: int, code: int, *, garbled: bool = False) -> None: ...
 
     def ends(self, plc: str, ticks: Sequence[int]) -> None: ...
 
     def switched(self, bus: str, position: int, tick: int, fresh: int | None) -> None: ...
 
     def irregular(self, bus: str, node: str, tick: int, what: str) -> None: ...
+
+    def exchanged(self, bus: str, node: str, peer: str, start: int, outcome: Outcome) -> None: ...
 
     def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
         del bus

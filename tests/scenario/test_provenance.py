@@ -130,8 +130,8 @@ def _short(scenario: str) -> str:
 def test_every_figure_of_a_sizing_has_a_class() -> None:
     found = json.loads(CliRunner().invoke(size, ["electrical_noise", "--json"]).stdout)["links"]["link"]
     settings = {"D8179", "D8180", "attempts"}
-    assert set(found["recommended"]) - settings < set(found["classes"]["figures"])
-    assert found["classes"]["inputs"]["the level of noise bad"] == ASSUMED  # counts beside what is entered
+    assert set(found["recommended"]) - settings < set(found["rests_on"]["figures"])
+    assert found["rests_on"]["inputs"]["the level of noise bad"] == ASSUMED  # counts beside what is entered
 
 
 def test_what_is_set_from_outside_is_not_measured(tmp_path: Path) -> None:

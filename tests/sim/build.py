@@ -23,6 +23,7 @@ from bussim.trace.records import (
     InputRecord,
     LinkTotals,
     NoteRecord,
+    Outcome,
     PollRecord,
     Record,
     RunTotals,
@@ -85,6 +86,7 @@ class Recorder:
     refreshes: list[tuple[str, int, int, tuple[int, ...] | None]] = field(default_factory=list)
     switches: list[tuple[str, int, int, int | None]] = field(default_factory=list)
     irregularities: list[tuple[str, str, int, str]] = field(default_factory=list)
+    exchanges: list[tuple[str, str, str, int, Outcome]] = field(default_factory=list)
     transactions: list[TransactionRecord] = field(default_factory=list)
     turns: list[PollRecord] = field(default_factory=list)
     cycles: list[CycleRecord] = field(default_factory=list)
@@ -116,7 +118,7 @@ class Recorder:
             case InputRecord():
                 self.inputs.append(record)
 
-    def failed(self, bus: str, tick: int, station: int, code: int) -> None:
+    def failed(self, bus: str, tick: int, station: int, code: int, *, garbled: bool = False) -> None:
         self.failures.append((bus, tick, station, code))
 
     def ends(self, plc: str, ticks: Sequence[int]) -> None:
@@ -130,6 +132,9 @@ class Recorder:
 
     def irregular(self, bus: str, node: str, tick: int, what: str) -> None:
         self.irregularities.append((bus, node, tick, what))
+
+    def exchanged(self, bus: str, node: str, peer: str, start: int, outcome: Outcome) -> None:
+        self.exchanges.append((bus, node, peer, start, outcome))
 
 
 @dataclass

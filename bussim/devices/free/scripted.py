@@ -9,7 +9,7 @@ from typing import Final
 
 from bussim.engines.contract import DEADLINE, EVENTS, TRANSMIT, RxChar, Transmit
 from bussim.engines.free.engine import FreeFrame
-from bussim.engines.free.events import FreeEvent, Sent
+from bussim.engines.free.events import Ended, FreeEvent, Received, Sent
 from bussim.line.characters import LineTiming
 
 #: Messages that wait while another is sent; what falls due beyond them is never sent (assumed: a device's
@@ -97,6 +97,11 @@ class ScriptedDevice:
 
     # -- listening -----------------------------------------------------------------------------
 
+    def expects(self, chars: bytes) -> bytes:
+        """Which of these characters it replies to, if any."""
+        known = (message.reply_to for message in self._messages if message.reply_to)
+        return next((each for each in known if each in chars), b"")
+
     def receive(self, char: RxChar, start: int, end: int) -> int:
         """One character."""
         if not self._longest or not self._on:
@@ -105,7 +110,9 @@ class ScriptedDevice:
         for message in self._messages:
             if message.reply_to and self._tail.endswith(message.reply_to):
                 self._tail = b""
-                return self._send(message.data, end + message.delay)
+                heard = Received(end, start, message.reply_to, Ended.END_CHARACTER, message.reply_to)
+                self._events.append(heard)
+                return EVENTS | self._send(message.data, end + message.delay)
         return 0
 
     def receive_frame(self, frame: FreeFrame, start: int, end: int) -> int:

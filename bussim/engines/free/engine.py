@@ -63,6 +63,7 @@ class FreePort(Engine[FreeFrame, FreeEvent]):
         self._begun = 0  # first edge of what is being sent
         self._start: int | None = None  # first edge of the reception
         self._framed = False  # the start character was received
+        self._damaged = 0  # characters of the reception with parity or framing errors
 
     def _move(self, cause: FreeInput) -> None:
         self.state = FREE[self.state, cause]
@@ -115,6 +116,7 @@ class FreePort(Engine[FreeFrame, FreeEvent]):
         self._data.clear()
         self._start = None
         self._framed = False
+        self._damaged = 0
         waits = self.config.awaits_first and self._expected > 0
         self._deadline = now + self.config.timeout if waits else None
         return DEADLINE
@@ -173,6 +175,16 @@ class FreePort(Engine[FreeFrame, FreeEvent]):
 
     # -- receiving -----------------------------------------------------------------------------
 
+    def expects(self, chars: bytes) -> bytes | None:
+        """Which of these characters it would take for a message; None: it is not ready to receive any."""
+        if not self._expected or self.state not in (FreeState.READY, FreeState.RECEIVING):
+            return None
+        begin = chars.find(self.config.start) if self.config.start else 0
+        if begin < 0:
+            return b""
+        end = chars.find(self.config.end, begin + 1) if self.config.end else -1
+        return chars[begin : end + 1] if end >= 0 else chars[begin:]
+
     def receive(self, char: RxChar, start: int, end: int) -> int:
         """One character; see the contract."""
         if self.state not in (FreeState.READY, FreeState.RECEIVING) or self._expected == 0:
@@ -194,6 +206,7 @@ class FreePort(Engine[FreeFrame, FreeEvent]):
         if not clean:
             error = PortError.RECEPTION if stop_ok else PortError.FRAMING
             self._events.append(CharacterDamaged(end, error, value))
+            self._damaged += 1
             hints |= EVENTS
         return hints | self._keep(value, end)
 
@@ -236,7 +249,11 @@ class FreePort(Engine[FreeFrame, FreeEvent]):
     def _complete(self, now: int, ended: Ended) -> int:
         self._move(FreeInput.FULL)
         self._deadline = None
-        self._events.append(Received(now, self._start, bytes(self._data), ended))
+        data, config = bytes(self._data), self.config
+        before = bytes((config.start & 0xFF,)) if self._framed and not config.keeps_frame else b""
+        last = ended is Ended.END_CHARACTER and not config.keeps_frame
+        chars = before + data + (bytes((config.end & 0xFF,)) if last else b"")
+        self._events.append(Received(now, self._start, data, ended, chars, self._damaged))
         return EVENTS | DEADLINE
 
     # -- sending -------------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 from bussim.engines.modbus.codes import PortError
@@ -33,6 +33,8 @@ class Received:
     start: int | None  # first edge of its first character, None if nothing came
     data: bytes  # without start and end character
     ended: Ended
+    chars: bytes = field(default=b"", compare=False)  # with them
+    damaged: int = field(default=0, compare=False)  # characters with parity or framing errors
 
 
 @dataclass(frozen=True, slots=True)

@@ -175,7 +175,7 @@ class Sizing:
             "margins": [margin.to_json() for margin in self.margins],
             "assumptions": [assumption.to_json() for assumption in self.assumptions],
             "otherwise": list(self.otherwise),
-            "classes": self.classes(),
+            "rests_on": self.classes(),
             "mov": self.mov_lines(),
         }
 

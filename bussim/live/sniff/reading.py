@@ -14,7 +14,7 @@ from bussim.live.recordings.source import Chunk, LineSetup
 from bussim.live.sniff.heard import Heard, LineProtocol, Verdict
 from bussim.live.sniff.listener import Listener
 from bussim.live.sniff.modbus import ModbusDecoder
-from bussim.trace.records import Record
+from bussim.trace.records import Outcome, Record
 
 #: Rate and format where nothing gives them (Modbus over serial line, section 2.5.1).
 USUAL = {
@@ -107,7 +107,7 @@ class _Nothing:
     def take(self, record: Record) -> None:
         pass
 
-    def failed(self, bus: str, tick: int, station: int, code: int) -> None:
+    def failed(self, bus: str, tick: int, station: int, code: int, *, garbled: bool = False) -> None:
         pass
 
     def ends(self, plc: str, ticks: Sequence[int]) -> None:
@@ -120,6 +120,9 @@ class _Nothing:
         pass
 
     def irregular(self, bus: str, node: str, tick: int, what: str) -> None:
+        pass
+
+    def exchanged(self, bus: str, node: str, peer: str, start: int, outcome: Outcome) -> None:
         pass
 
 

@@ -53,7 +53,6 @@ class FreeReceived:
 
     poll: str
     received: Received
-    damaged: int  # characters with parity or framing errors
 
 
 @dataclass(frozen=True, slots=True)

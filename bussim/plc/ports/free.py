@@ -45,9 +45,8 @@ class FreeSide(Side):
         self._sending = False
         self._complete = False  # "reception complete" is on for what was received
         self._acknowledge = False  # and the list resets it in this scan
-        self._damaged = 0  # characters of the reception that is under way
-        self._damage: PortError | None = None  # the latest one's
-        self._reported: deque[Sent | tuple[Received, int, PortError | None]] = deque()
+        self._damage: PortError | None = None  # of the latest damaged character of the reception under way
+        self._reported: deque[Sent | tuple[Received, PortError | None]] = deque()
         self._next = now + 1  # the earliest END that is still to come
         for bit in (WAITING, RECEIVING, TIMED_OUT):
             status.set_bit(bit, 0)
@@ -89,10 +88,9 @@ class FreeSide(Side):
             case Sent():
                 self._reported.append(item)
             case Received():
-                self._reported.append((item, self._damaged, self._damage))
-                self._damaged, self._damage = 0, None
+                self._reported.append((item, self._damage))
+                self._damage = None
             case CharacterDamaged(error=error):
-                self._damaged += 1
                 self._damage = error
             case _:
                 assert_never(item)
@@ -188,9 +186,9 @@ class FreeSide(Side):
         count = self._taken.count if self._taken is not None else 0
         return count if count <= MAX_BYTES else 0
 
-    def _take_over(self, received: Received, damaged: int, damage: PortError | None, end: int) -> None:
+    def _take_over(self, received: Received, damage: PortError | None, end: int) -> None:
         status, call = self._status, self._taken
-        status.events.append(FreeReceived(self._name, received, damaged))
+        status.events.append(FreeReceived(self._name, received))
         status.set_bit(COMPLETE, 1)
         status.set_bit(TIMED_OUT, int(received.ended is Ended.TIMEOUT))
         self._complete = True
@@ -215,7 +213,7 @@ class FreeSide(Side):
             hints |= engine.release(end)
             self._sending = engine.left_to_send(end) > 0
             self._complete = self._blocked = False
-            self._damaged, self._damage = 0, None
+            self._damage = None
         self._driven, self._taken = self._owner, self._call
         if self._taken is None:
             return hints

@@ -56,7 +56,7 @@ class FreeList:
         """End the running turn if its reply has not come in time; returns the event, else None."""
         if self._turn is None or self._limit is None or self._took or receiving or now < self._limit:
             return None
-        nothing = FreeReceived(self._turn.name, Received(now, None, b"", Ended.TIMEOUT), 0)
+        nothing = FreeReceived(self._turn.name, Received(now, None, b"", Ended.TIMEOUT))
         self._over(now)
         return nothing
 

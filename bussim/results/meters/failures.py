@@ -68,6 +68,13 @@ class Times:
         self.number += 1
         self.total += end - start
 
+    def join(self, other: Times) -> None:
+        """Count the times of another one, too."""
+        if other.longest > self.longest:
+            self.longest, self.at = other.longest, other.at
+        self.number += other.number
+        self.total += other.total
+
 
 @dataclass(slots=True)
 class Irregular:
@@ -139,6 +146,7 @@ class _Open:
     heard: dict[int, int] = field(default_factory=dict)  # the master's blocks received so far, by receiver
     taken: dict[int, int] = field(default_factory=dict)  # the station's own blocks received so far
     codes: Counter[int] = field(default_factory=Counter)
+    garbled: int = 0  # attempts in which characters came to the station that were no sound frame
     flagged: int | None = None
 
 
@@ -204,11 +212,12 @@ class FailureMeter:
 
     # -- exchanges -----------------------------------------------------------------------------------
 
-    def failed(self, station: int, code: int, tick: int) -> None:
-        """An attempt failed."""
+    def failed(self, station: int, code: int, tick: int, *, garbled: bool = False) -> None:
+        """An attempt failed; ``garbled``: meanwhile the station had characters that were no sound frame."""
         if station not in self._open:
             self._open[station] = self._begin(station, tick)
         self._open[station].codes[code] += 1
+        self._open[station].garbled += garbled
         if self._irregular:
             self._look(self._open[station])
 
@@ -318,7 +327,7 @@ class FailureMeter:
         if station in deaf:
             if len(working) > 1 and deaf >= working:
                 return Cause.MASTER
-            return Cause.FORMAT if station in damaged else Cause.CUT
+            return Cause.FORMAT if each.garbled >= enough else Cause.CUT
         taken = max(
             (self._received(me, s) - each.taken[s.number] for s in self._slaves if s is not me), default=0
         )

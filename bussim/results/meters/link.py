@@ -145,11 +145,11 @@ class LinkMeter:
         master = self.failures.master
         return master is not None and self.failures.was_away(master.name)
 
-    def attempt_failed(self, station: int, code: int, tick: int) -> None:
+    def attempt_failed(self, station: int, code: int, tick: int, *, garbled: bool) -> None:
         """Count a failed attempt in the scan under way."""
         self.failed[code] += 1
         self.failed_at = tick
-        self.failures.failed(station, code, tick)
+        self.failures.failed(station, code, tick, garbled=garbled)
 
     def healthy(self, tick: int) -> None:
         """Every slave replies; only the first time counts."""

@@ -9,9 +9,10 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import assert_never
 
+from bussim.results.meters.exchanges import Exchange
 from bussim.results.meters.histogram import Histogram
 from bussim.results.meters.plain_data import UNKEPT
-from bussim.trace.records import CycleRecord, FreeRecord, PollRecord, RunTotals, TransactionRecord
+from bussim.trace.records import CycleRecord, FreeRecord, Outcome, PollRecord, RunTotals, TransactionRecord
 
 #: The yy of D8063 = 7xyy that have a count of their own (PW10 board manual, section 8).
 NO_RESPONSE = 9
@@ -20,6 +21,8 @@ WRONG_CHECK = 3
 _RESPONSES = ("ok", "exception")
 #: Modbus functions that read: only data that is read has an age.
 _READS = frozenset({1, 2, 3, 4})
+#: The station number of requests that nobody answers (Modbus over serial line, section 2.2).
+_BROADCAST = 0
 
 
 def response_time(record: TransactionRecord) -> int | None:
@@ -48,6 +51,7 @@ class Poll:
         default=0, compare=False, metadata=UNKEPT
     )  # ok with the request's own response; in the summary alone
     timeouts: int = field(default=0, compare=False, metadata=UNKEPT)  # likewise
+    broadcasts: int = field(default=0, compare=False, metadata=UNKEPT)  # likewise
     reads: bool = False
     turns: int = 0
     failed_turns: int = 0
@@ -61,6 +65,7 @@ class Poll:
         """Count an attempt."""
         self.transactions += 1
         self.ok += record.outcome == "ok"
+        self.broadcasts += record.station == _BROADCAST
         self.timeouts += record.error == NO_RESPONSE and not record.exception
         took = response_time(record)
         if took is not None:
@@ -94,6 +99,7 @@ class FreeCounts:
     damaged: int = 0  # characters
     bytes_sent: int = 0
     bytes_received: int = 0
+    waits: Exchange = field(default_factory=Exchange, compare=False, metadata=UNKEPT)  # for a reception
 
     def add(self, record: FreeRecord) -> None:
         """Count a sending or a reception."""
@@ -102,6 +108,7 @@ class FreeCounts:
             self.sent += 1
             self.bytes_sent += len(record.data)
             return
+        self.waits.add(record.end, Outcome.SILENT if record.start is None else Outcome.GOOD)
         self.bytes_received += len(record.data)
         if record.ended == "timeout":
             self.timeouts += 1
@@ -115,7 +122,8 @@ class PortRecord:
 
     ``exceptions`` are by exception code (two hexadecimal digits), ``others`` by the text of the port
     error. ``timeout`` is the master's, in ticks, None where it is not known. ``mismatched`` are responses
-    to another request that the master has taken, without those that it has refused.
+    to another request that the master has taken, without those that it has refused. ``exchanges``, in the
+    summary alone, are by the node that requests go to, or that messages come from.
     """
 
     bus: str
@@ -128,6 +136,7 @@ class PortRecord:
     others: Counter[str] = field(default_factory=Counter)
     mismatched: int = 0
     free: FreeCounts = field(default_factory=FreeCounts)
+    exchanges: dict[str, Exchange] = field(default_factory=dict, compare=False, metadata=UNKEPT)
 
     @property
     def responses(self) -> Histogram:
@@ -179,6 +188,11 @@ class PortMeter:
             case _:
                 assert_never(record)
 
+    def exchanged(self, bus: str, node: str, peer: str, start: int, outcome: Outcome) -> None:
+        """Count what became of a message or request."""
+        record = self._node(node, bus)
+        record.exchanges.setdefault(peer, Exchange(bool(record.polls))).add(start, outcome)
+
     def nodes(self, totals: RunTotals) -> dict[str, PortRecord]:
         """Every node that a record has come from, in the order of the totals."""
         timeouts = {port.node: port.timeout for port in totals.ports}
@@ -187,6 +201,8 @@ class PortMeter:
         names = sorted(self._nodes, key=lambda name: order.get(name, len(order)))
         for name in names:
             self._nodes[name].timeout = timeouts.get(name)
+            for exchange in (*self._nodes[name].exchanges.values(), self._nodes[name].free.waits):
+                exchange.close(totals.duration)
         return {name: self._nodes[name] for name in names}
 
     def _node(self, name: str, bus: str) -> PortRecord:

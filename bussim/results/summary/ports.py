@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
 from bussim.results.meters.histogram import quantiles, statistics
 from bussim.results.meters.ports import FreeCounts, Poll, PortRecord
 from bussim.results.numbers import by_code, ms, share, whole
-from bussim.trace.records import BusTotals, DeviceTotals, PortTotals, RunTotals
+from bussim.trace.records import BusTotals, DeviceTotals, Outcome, PortTotals, RunTotals
 from bussim.units import milliseconds
+
+#: What may become of a message of another node that was for this one, and its key.
+_MESSAGES = {
+    Outcome.GOOD: "whole",
+    Outcome.DAMAGED: "damaged",
+    Outcome.WRONG: "wrong",
+    Outcome.DEAF: "lost",
+    Outcome.NOT_READY: "not_ready",
+    Outcome.AWAY: "away",
+}
 
 
 def bus_summary(totals: BusTotals, duration: int) -> dict[str, Any]:
@@ -50,7 +61,7 @@ def port_summary(totals: PortTotals, record: PortRecord | None, duration: int) -
             "rejected": dict(sorted(totals.rejected.items())),
         }
     if protocol == "free" or record.free != FreeCounts():
-        found |= _free(record.free)
+        found |= _free(record)
     # D8063 = 7xyy has its yy in decimal.
     found["errors"] = {f"{code:02d}": number for code, number in sorted(totals.errors.items()) if number}
     return found
@@ -73,7 +84,7 @@ def device_summary(totals: DeviceTotals, record: PortRecord | None, duration: in
     if totals.model == "hmi" or record.polls:
         found |= _master(record, duration, totals.late)
     if totals.model == "free" or record.free != FreeCounts():
-        found |= _free(record.free)
+        found |= _free(record)
     return found
 
 
@@ -83,6 +94,7 @@ def _master(record: PortRecord, duration: int, late: Mapping[str, int]) -> dict[
     return {
         "timeout_ms": None if record.timeout is None else whole(milliseconds(record.timeout)),
         "transactions": sum(poll.transactions for poll in polls.values()),
+        "broadcast_requests": sum(poll.broadcasts for poll in polls.values()),
         "ok": sum(poll.ok for poll in polls.values()),
         "answered_with_own_data": sum(poll.own for poll in polls.values()),
         "exceptions": dict(sorted(record.exceptions.items())),
@@ -114,21 +126,25 @@ def _poll(poll: Poll, duration: int, late: int) -> dict[str, Any]:
 def _age(poll: Poll, duration: int) -> dict[str, Any]:
     """The data ages of a poll; ``open`` is that at the end (the whole run, if nothing arrived)."""
     arrival, refresh = poll.on_arrival, poll.before_refresh
-    known = quantiles(refresh)
+    known, still = quantiles(refresh), duration - (poll.last_served or 0)
     return {
         "on_arrival": {"p50": quantiles(arrival)["p50"], "max": ms(arrival.maximum)},
         "before_refresh": {"p50": known["p50"], "p99": known["p99"], "max": ms(refresh.maximum)},
-        "open": ms(duration - (poll.last_served or 0)),
+        "open": ms(still),
+        "oldest": ms(max(still, refresh.maximum or 0)),
     }
 
 
-def _free(counts: FreeCounts) -> dict[str, Any]:
+def _free(record: PortRecord) -> dict[str, Any]:
+    counts = record.free
+    heard = sum((each.counts for each in record.exchanges.values()), Counter[Outcome]())
     return {
         "sent": counts.sent,
         "received": counts.received,
         "timeouts": counts.timeouts,
         "damaged": counts.damaged,
         "bytes": {"sent": counts.bytes_sent, "received": counts.bytes_received},
+        "messages": {"sent": heard.total(), **{word: heard[what] for what, word in _MESSAGES.items()}},
     }
 
 

@@ -128,11 +128,9 @@ def _poll(poll: Mapping[str, Any]) -> str:
         words += f"; response {times_in_words(poll['response_ms'])}"
     age = poll["age_ms"]
     if age is not None:
-        oldest = age["before_refresh"]["max"]
-        if oldest is None or age["open"] > oldest:
-            words += f"; data up to {age['open']:.3f} ms old, still so at the end"
-        else:
-            words += f"; data up to {oldest:.3f} ms old"
+        oldest = age.get("oldest", age["open"])  # a folder of an earlier version does not have it
+        still = ", still so at the end" if oldest == age["open"] else ""
+        words += f"; data up to {oldest:.3f} ms old{still}"
     return words
 
 
@@ -158,6 +156,10 @@ def _free(node: Mapping[str, Any]) -> str:
         *_unless_none(node["timeouts"], "ended by timeout"),
         *_unless_none(node["damaged"], "damaged characters"),
     ]
+    others = node.get("messages", {})  # a folder of an earlier version does not have it
+    if others.get("sent"):
+        became = (f"{number:,} {word.replace('_', ' ')}" for word, number in others.items() if number)
+        words.append(f"of others {', '.join(became)}")
     return ", ".join(words)
 
 

@@ -27,6 +27,20 @@ def _fault(en: str) -> Sentence:
     return Sentence(en, fault=True)
 
 
+#: What a sentence says after what was seen.
+_CUT = ": the cable between them was interrupted, or a port is wrong"
+_DAMAGE = ": noise, lost characters, another sender on {bus}, or rates, formats or clocks that differ"
+_NOT_READY = ': "reception complete" was not reset, or no instruction that receives was driven'
+
+
+def _request(en: str) -> str:
+    return "{node}: failed requests to {peer}: {requests:n}, {when:when}; " + en + "."
+
+
+def _message(en: str) -> str:
+    return "{node}: messages of {peer} received " + en + "; in all {messages:n}, {when:when}."
+
+
 #: The languages of the catalogue.
 LANGUAGES = ("en",)
 
@@ -58,10 +72,8 @@ SENTENCES: Mapping[str, Sentence] = {
         "{bus}: no link scan was completed; no station received anything of the master {master}."
     ),
     "too_short": Sentence("{bus}: the run is too short for a complete link scan."),
-    "not_running": _fault("{plc} was without supply or in STOP {when:when}."),
-    "still_not_running": _fault(
-        "{plc} was without supply or in STOP {when:when}, and still is when the run ends."
-    ),
+    "not_running": _fault("{plc} was {state:part} {when:when}."),
+    "still_not_running": _fault("{plc} was {state:part} {when:when}, and still is when the run ends."),
     "master_lost": _fault(
         "{bus}: {stations:list} lost the master {master} {when:when} (in each {error} = 11H and {count} "
         "counted, {flag} on meanwhile); link scans not made: {scans_missed:n}."
@@ -141,12 +153,16 @@ SENTENCES: Mapping[str, Sentence] = {
     "cause_missing": _fault("No PLC with the number of {station} is on {bus}."),
     "cause_refused": _fault("{station} refuses its parameters ({error} = {code:d}), so it sends no reply."),
     "cause_cut": _fault(
-        "{station} was in RUN and received no data frame of the master either {when:when}: the cable between "
-        "them was interrupted, its port, rate or format is wrong, or noise covered the frames."
+        "{station} was in RUN, and nothing of the master came to it, in most attempts not one character, "
+        "{when:when}: the cable between them was interrupted, or its port is wrong."
     ),
     "cause_format": _fault(
-        "{station} received the master's frames damaged ({error} = 14H) and no data frame {when:when}: its "
-        "rate, format or clock is not that of {bus}, noise covered the frames, or a cable was cut within one."
+        "{station} received characters, but no whole data frame of the master {when:when}: its rate, format "
+        "or clock is not that of {bus}, or noise covered the frames."
+    ),
+    "cause_noisy": _fault(
+        "{station} failed {when:when} while it received frames of the master now whole, now damaged: noise "
+        "at it or on {bus}, or lost characters."
     ),
     "cause_master": _fault(
         "{stations:list} failed {when:when} while the frames of the master {master} came whole to no "
@@ -166,7 +182,7 @@ SENTENCES: Mapping[str, Sentence] = {
     ),
     "cause_no_reply": _fault(
         "{station} received the master, and no reply of it arrived in time (01) {when:when}: it sent none, "
-        "polls or replies were lost, or they take longer than the timeout of {timeout_ms:g} ms."
+        "noise covered polls or replies, or they take longer than the timeout of {timeout_ms:g} ms."
     ),
     "shown": _fault(
         "{bus}: {plc} shows {devices:devices}, which follows from nothing else that was found: frames did "
@@ -205,9 +221,28 @@ SENTENCES: Mapping[str, Sentence] = {
     ),
     "requests_ignored": _fault("{node} ignored frames that were no sound request: {reasons:counts}."),
     "port_refused": _fault("{node} refuses its parameters: M8063 is on, D8063 = {code:d}, and it is silent."),
+    "broadcasts": Sentence("{node}: broadcasts, which get no response: {requests:n}."),
+    # -- why requests of a Modbus master failed
+    "request_missing": _fault(
+        "{node}: requests to station {peer}, which no node at work on {bus} was: {requests:n}, {when:when}."
+    ),
+    "request_deaf": _fault(_request("{peer} was at work and received no character of them" + _CUT)),
+    "request_garbled": _fault(_request("{peer} received them damaged" + _DAMAGE)),
+    "request_silent": _fault(_request("{peer} received them whole and sent no reply in time")),
+    "request_reply_lost": _fault(_request("{peer} replied, and nothing of that arrived" + _CUT)),
+    "request_reply_damaged": _fault(_request("replies of {peer} arrived damaged" + _DAMAGE)),
     # -- free protocol
     "messages": Sentence("{node}: messages sent {sent:n}, received {received:n}."),
-    "messages_ended": _fault("{node}: receptions that ended by timeout: {number:n}."),
+    "messages_whole": Sentence("{node}: messages of {peer} received whole: all of {messages:n}."),
+    "messages_some": Sentence("{node}: messages of {peer} received whole: {whole:n} of {messages:n}."),
+    "message_damaged": _fault(_message("damaged, as errors of characters or a missing end show" + _DAMAGE)),
+    "message_wrong": _fault(_message("with other characters, which no flag shows" + _DAMAGE)),
+    "message_deaf": _fault(_message("not at all, though it was ready" + _CUT)),
+    "message_not_ready": _fault(_message("not, as it was not ready" + _NOT_READY)),
+    "message_passed": Sentence(_message("not, as it was not ready" + _NOT_READY)),
+    "messages_ended": _fault(
+        "{node} waited in vain for the first character of a reply until its timeout: {number:n}, {when:when}."
+    ),
     "characters_damaged": _fault("{node}: characters that arrived damaged (parity or framing): {number:n}."),
     # -- why a link scan was long
     "long_all_failed": Sentence("{station} failed all its {number:n} attempts ({codes:meanings})"),
@@ -252,6 +287,8 @@ SENTENCES: Mapping[str, Sentence] = {
     "port_error_48": Sentence("bad parameters"),
     "port_error_other": Sentence("the port board"),
     # -- parts of sentences
+    "without_supply": Sentence("without supply"),
+    "in_stop": Sentence("in STOP"),
     "once": Sentence("from {from_s:.3f} s on for {for_s:.3f} s"),
     "several_times": Sentence(
         "{times:n} times, for {total_s:.3f} s in all, the longest time from {from_s:.3f} s on for "
@@ -343,6 +380,8 @@ class _Text(Formatter):
                 return render("and", lang=self._lang).join([", ".join(others), last] if others else [last])
             case "when":
                 return render("once" if value["times"] == 1 else "several_times", value, self._lang)
+            case "part":
+                return render(value, lang=self._lang)
             case "devices":
                 return ", ".join(self._device(name, number) for name, number in value.items())
             case "serial":

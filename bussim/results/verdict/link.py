@@ -8,11 +8,12 @@ from typing import Any
 
 from bussim.results.meters.failures import Cause, Irregulars, Times
 from bussim.results.meters.link import LinkRecord
-from bussim.results.meters.timeline import Span
 from bussim.results.numbers import by_code
 from bussim.results.registers import own_name, own_names
 from bussim.results.verdict.catalogue import is_fault, render
 from bussim.results.verdict.parts import (
+    DISTURBING,
+    Away,
     Finding,
     driver_findings,
     in_all,
@@ -25,10 +26,10 @@ from bussim.units import TICKS_PER_SECOND
 
 #: Causes that a finding of its own has said: of a node's driver, of a PLC that was not in RUN.
 _SAID = (Cause.SHOWN, Cause.STOPPED)
+#: Causes that a noisy receiver has in turn.
+_OF_NOISE = (Cause.FORMAT, Cause.NO_REPLY)
 #: Causes of all stations together.
 _TOGETHER = (Cause.MASTER, Cause.RECEIVER)
-#: What disturbs the frames of all, so that nothing that a station shows is without a cause.
-_DISTURBING = ("two_masters", "same_number")
 #: Causes that two masters, or a number given twice, explain.
 _EXPLAINED = frozenset(Cause) - {Cause.MISSING, Cause.REFUSED, *_SAID}
 #: What a station shows of station k: D8203 + k, D8211 + k, M8183 + k (the master is 0).
@@ -44,7 +45,7 @@ def link_findings(
     summary: Mapping[str, Any],
     refused: Mapping[str, int],
     irregular: Irregulars,
-    away: Mapping[str, list[Span]],
+    away: Mapping[str, Away],
 ) -> Iterator[Finding]:
     """Of one link: how long its scans took, then what was wrong, then that nothing was."""
     yield from ((key, {"bus": bus, **values}) for key, values in _times(link))
@@ -81,7 +82,7 @@ class _Link:
         record: LinkRecord,
         summary: Mapping[str, Any],
         refused: Mapping[str, int],
-        away: Mapping[str, list[Span]],
+        away: Mapping[str, Away],
     ) -> None:
         self._away, self._summary = away, summary
         self._bus, self._link, self._record, self._refused = bus, link, record, refused
@@ -106,11 +107,11 @@ class _Link:
                     yield "settings_refused", {"bus": bus, "plc": plc, "code": code, **names}
                 else:
                     yield "mode_refused", {"bus": bus, "plc": plc}
-            yield from not_running(plc, self._away.get(plc, []), self._duration, {"bus": bus})
+            yield from not_running(plc, self._away.get(plc, {}), self._duration, {"bus": bus})
         yield from self._without_master()
         shared = [*self._shared_numbers()]
         yield from shared
-        known = any(key in _DISTURBING for key, _ in shared)
+        known = any(key in DISTURBING for key, _ in shared)
         yield from driver_findings(bus, link["collisions"], irregular, known=known)
         if self._record.master_damaged:
             most = max(self._record.master_damaged.values(), key=lambda times: times.total)
@@ -155,7 +156,8 @@ class _Link:
             return "master_stopped" if open_end else "master_paused"
         if not lost["scans_missed"] and not any(
             span.start < end and (span.end is None or span.end > start)
-            for span in self._away.get(self._master, ())
+            for spans in self._away.get(self._master, {}).values()
+            for span in spans
         ):
             return "master_not_received"
         return "master_still_lost" if open_end else "master_lost"
@@ -190,6 +192,12 @@ class _Link:
             for times in undecided.values():
                 yield "undecided", {"bus": bus, "station": label, "when": in_all(times)}
             causes = {cause: times for (number, cause), times in failures.errors.items() if number == station}
+            if all(causes.get(cause, Times()).number > 1 for cause in _OF_NOISE):
+                # Now it received a data frame while it failed, now none: one receiver, one sentence.
+                times = Times()
+                for each in (causes.pop(cause) for cause in _OF_NOISE):
+                    times.join(each)
+                yield "cause_noisy", {"bus": bus, "station": label, "when": in_all(times)}
             for cause, times in {**undecided, **causes}.items():
                 if cause in _SAID or (known and cause in _EXPLAINED):
                     continue

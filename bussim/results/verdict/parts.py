@@ -9,7 +9,17 @@ from bussim.results.meters.failures import Irregulars, Times
 from bussim.results.meters.timeline import Span
 from bussim.results.numbers import s
 from bussim.results.registers import own_name
-from bussim.trace.records import AFTER_FRAME, IN_FRAME, JABBER, LATE_REPLY, OFF_RATE, UNEVEN, WITHOUT_FRAME
+from bussim.trace.records import (
+    AFTER_FRAME,
+    IN_FRAME,
+    IN_STOP,
+    JABBER,
+    LATE_REPLY,
+    OFF_RATE,
+    UNEVEN,
+    WITHOUT_FRAME,
+    WITHOUT_SUPPLY,
+)
 from bussim.units import TICKS_PER_SECOND
 
 Finding = tuple[str, dict[str, Any]]
@@ -22,6 +32,11 @@ _OF_A_NODE = {
     UNEVEN: "pauses",
     OFF_RATE: "other_rate",
 }
+
+#: Findings that explain why exchanges fail.
+DISTURBING = ("two_masters", "same_number")
+#: The part of a sentence about each state.
+_STATES = {WITHOUT_SUPPLY: "without_supply", IN_STOP: "in_stop"}
 
 
 def in_all(times: Times) -> dict[str, Any]:
@@ -42,13 +57,16 @@ def summed(spans: Iterable[Span], duration_s: float) -> Times:
     return found
 
 
-def not_running(
-    name: str, spans: list[Span], duration_s: float, where: Mapping[str, str]
-) -> Iterator[Finding]:
+#: Times by what a PLC or device was in them: "without supply" or "in STOP".
+Away = Mapping[str, list[Span]]
+
+
+def not_running(name: str, away: Away, duration_s: float, where: Mapping[str, str]) -> Iterator[Finding]:
     """A PLC or device that was without supply or in STOP."""
-    if spans:
+    for state, spans in away.items():
         key = "still_not_running" if spans[-1].end is None else "not_running"
-        yield key, {**where, "plc": name, "when": in_all(summed(spans, duration_s))}
+        when = in_all(summed(spans, duration_s))
+        yield key, {**where, "plc": name, "state": _STATES[state], "when": when}
 
 
 def serial_errors(
@@ -80,7 +98,11 @@ def driver_findings(bus: str, collisions: int, irregular: Irregulars, *, known: 
                 if what == JABBER:  # its characters go on and on; what counts are the frames that it met
                     met = irregular.get((node, WITHOUT_FRAME))
                     number = met.number if met else 0
-                when = {"from_s": s(found.first), "to_s": s(found.last), "when": in_all(found.times())}
+                times = found.times()
+                if not times.total:  # single frames further apart
+                    times = Times()
+                    times.add(found.first, found.last)
+                when = {"from_s": s(found.first), "to_s": s(found.last), "when": in_all(times)}
                 yield key, {"bus": bus, "node": node, "frames": number, **when}
     if collisions and not known:
         senders = sorted(node for node, kind in irregular if kind == IN_FRAME)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 from bussim.results.meters.failures import Irregulars
+from bussim.results.meters.ports import PortRecord
 from bussim.results.verdict.catalogue import render
-from bussim.results.verdict.parts import Finding, driver_findings
+from bussim.results.verdict.parts import Finding, driver_findings, in_all
+from bussim.trace.records import Outcome
 
 #: Frames that a slave ignores because it is busy are the master's doing, and stand there.
 _BUSY = "busy with another request"
@@ -24,9 +26,24 @@ def bus_findings(
     several = len(masters) > 1 and bool(found["collisions"])
     if several:
         yield "two_masters", {"bus": bus, "number": len(masters), "masters": masters}
-    yield from driver_findings(bus, found["collisions"], irregular, known=several)
-    if found["undetected_frames"]:
-        yield "undetected", {"bus": bus, "frames": found["undetected_frames"]}
+    shared = [*_shared_numbers(bus, nodes)]
+    yield from shared
+    yield from driver_findings(bus, found["collisions"], irregular, known=several or bool(shared))
+    # A message of the free protocol has no check; each node has a sentence of those that it took wrongly.
+    wrong = max((node.get("messages", {}).get("wrong", 0) for node in nodes.values()), default=0)
+    if found["undetected_frames"] > wrong:
+        yield "undetected", {"bus": bus, "frames": found["undetected_frames"] - wrong}
+
+
+def _shared_numbers(bus: str, nodes: Mapping[str, Mapping[str, Any]]) -> Iterator[Finding]:
+    """Stations that several slaves of a bus have replied as."""
+    stations: dict[int, list[str]] = {}
+    for name, node in nodes.items():
+        if node.get("answered") and node["station"] is not None:
+            stations.setdefault(node["station"], []).append(name)
+    for station, names in stations.items():
+        if len(names) > 1:
+            yield "same_number", {"bus": bus, "station": station, "plcs": names}
 
 
 def has_failed(master: Mapping[str, Any]) -> bool:
@@ -36,37 +53,47 @@ def has_failed(master: Mapping[str, Any]) -> bool:
 
 
 def node_findings(
-    name: str, node: Mapping[str, Any], refused: int | None, *, made_good: bool
+    name: str,
+    node: Mapping[str, Any],
+    refused: int | None,
+    record: PortRecord,
+    disturbed: Collection[str],
+    *,
+    made_good: bool,
 ) -> Iterator[Finding]:
     """Of a port or device: what it got as master, ignored as slave, and sent in the free protocol.
 
-    ``made_good``: no master of its bus has a failed request.
+    ``disturbed`` are nodes of which it is said why exchanges with them fail; ``made_good``: no master of its
+    bus has a failed request.
     """
     where = {"bus": node["bus"], "node": name}
     if refused is not None:
         yield "port_refused", {**where, "code": refused}
-    found = _master(node) if node.get("transactions") else iter(())
+    found = _master(node, record, disturbed) if node.get("transactions") else iter(())
     for key, values in (
         *found,
         *(() if made_good else _slave(node)),
-        *(_free(node) if "sent" in node else ()),
+        *(_free(node, record) if "sent" in node else ()),
     ):
         yield key, {**where, **values}
 
 
-def _master(node: Mapping[str, Any]) -> Iterator[Finding]:
-    requests, mistaken, late = (
-        node["transactions"],
-        node["mismatched_responses"],
-        node.get("late_responses", 0),
-    )
+def _master(node: Mapping[str, Any], record: PortRecord, disturbed: Collection[str]) -> Iterator[Finding]:
+    mistaken, late = node["mismatched_responses"], node.get("late_responses", 0)
+    broadcasts = node.get("broadcast_requests", 0)
+    requests = node["transactions"] - broadcasts
+    if broadcasts:
+        yield "broadcasts", {"requests": broadcasts}
+    if not requests:
+        return
     # A folder of an earlier version does not have how many were answered with their own data.
     own = node.get("answered_with_own_data", max(0, node["ok"] - mistaken))
     times = node["response_ms"]
     values: dict[str, Any] = {"requests": requests}
     if own < requests:
         values["own"] = own
-    if times["max"] is not None:
+    timed = times["max"] is not None and not node["exceptions"]  # their times are among these
+    if timed:
         which = "median" if times["p50"] is not None else "mean"
         shown = times["p50"] if times["p50"] is not None else times["mean"]
         values |= {"which": render(f"which_{which}"), "response_ms": shown, "max_ms": times["max"]}
@@ -74,12 +101,23 @@ def _master(node: Mapping[str, Any]) -> Iterator[Finding]:
         yield "no_own_data", {"requests": requests}
     else:
         key = "own_data" if own == requests else "some_own_data"
-        yield (f"{key}_times" if times["max"] is not None else key), values
+        yield (f"{key}_times" if timed else key), values
     if mistaken:
         yield "mistaken", {"responses": mistaken}
     if late:
         yield "late", {"responses": late, "timeout_ms": node["timeout_ms"]}
     yield from _failures(node, late)
+    if has_failed(node):
+        yield from _causes(record, disturbed)
+
+
+def _causes(record: PortRecord, disturbed: Collection[str]) -> Iterator[Finding]:
+    """Why requests failed, by the node that they were for; of one that was not at work it is said there."""
+    for peer, each in record.exchanges.items():
+        for outcome, times in each.failed.items():
+            if outcome is not Outcome.AWAY and peer not in disturbed:
+                values = {"peer": peer, "requests": each.counts[outcome], "when": in_all(times)}
+                yield f"request_{outcome}", values
 
 
 def _failures(node: Mapping[str, Any], late: int) -> Iterator[Finding]:
@@ -112,9 +150,19 @@ def _slave(node: Mapping[str, Any]) -> Iterator[Finding]:
         yield "requests_ignored", {"frames": sum(reasons.values()), "reasons": reasons}
 
 
-def _free(node: Mapping[str, Any]) -> Iterator[Finding]:
+def _free(node: Mapping[str, Any], record: PortRecord) -> Iterator[Finding]:
     yield "messages", {"sent": node["sent"], "received": node["received"]}
-    if node["timeouts"] and "transactions" not in node:
-        yield "messages_ended", {"number": node["timeouts"]}
+    for peer, each in record.exchanges.items():
+        whole, number = each.counts[Outcome.GOOD], each.counts.total()
+        key = "messages_whole" if whole == number else "messages_some"
+        yield key, {"peer": peer, "whole": whole, "messages": number}
+        for outcome, times in each.failed.items():
+            if outcome is not Outcome.AWAY:
+                # A port that sends, too, need not receive what is for others.
+                passed = outcome is Outcome.NOT_READY and node["sent"]
+                values = {"peer": peer, "messages": each.counts[outcome], "when": in_all(times)}
+                yield "message_passed" if passed else f"message_{outcome}", values
+    for outcome, times in record.free.waits.failed.items():
+        yield "messages_ended", {"number": record.free.waits.counts[outcome], "when": in_all(times)}
     if node["damaged"]:
         yield "characters_damaged", {"number": node["damaged"]}

@@ -8,10 +8,10 @@ from typing import Any
 
 from bussim.results.meters.failures import Irregulars
 from bussim.results.meters.link import LinkRecord
-from bussim.results.meters.timeline import Span
+from bussim.results.meters.ports import PortRecord
 from bussim.results.verdict.catalogue import is_fault, render
 from bussim.results.verdict.link import link_findings
-from bussim.results.verdict.parts import Finding, not_running, serial_errors
+from bussim.results.verdict.parts import DISTURBING, Away, Finding, not_running, serial_errors
 from bussim.results.verdict.ports import bus_findings, has_failed, node_findings
 
 
@@ -21,13 +21,14 @@ class Evidence:
 
     ``links`` are by bus. ``refused`` has D8063 of each PLC or port that has refused its parameters, 0 where
     a slave has refused the master's mode. ``irregular`` is by bus. ``away`` are the times of each PLC and
-    device without supply or in STOP.
+    device without supply or in STOP. ``ports`` has what became of requests and messages.
     """
 
     links: Mapping[str, LinkRecord] = field(default_factory=dict)
     refused: Mapping[str, int] = field(default_factory=dict)
     irregular: Mapping[str, Irregulars] = field(default_factory=dict)
-    away: Mapping[str, list[Span]] = field(default_factory=dict)
+    away: Mapping[str, Away] = field(default_factory=dict)
+    ports: Mapping[str, PortRecord] = field(default_factory=dict)
 
 
 def verdict(summary: Mapping[str, Any], evidence: Evidence) -> list[dict[str, Any]]:
@@ -59,20 +60,25 @@ def _findings(summary: Mapping[str, Any], evidence: Evidence) -> Iterator[Findin
             told |= {*record.plc_names}
             irregular = evidence.irregular.get(bus, {})
             yield from link_findings(bus, link, record, summary, evidence.refused, irregular, evidence.away)
-    for name, spans in evidence.away.items():
+    for name, away in evidence.away.items():
         if name not in told:
-            yield from not_running(name, spans, summary["duration_s"], {})
+            yield from not_running(name, away, summary["duration_s"], {})
     nodes = {**(summary.get("ports") or {}), **(summary.get("devices") or {})}
+    disturbed: set[str] = set()
     for bus, found in buses.items():
         on_bus = {name: node for name, node in nodes.items() if node["bus"] == bus}
-        yield from bus_findings(bus, found, on_bus, evidence.irregular.get(bus, {}))
+        for key, values in bus_findings(bus, found, on_bus, evidence.irregular.get(bus, {})):
+            yield key, values
+            if key in DISTURBING:
+                disturbed |= {*on_bus} if key == "two_masters" else {*values["plcs"]}
     failed: dict[str, bool] = {}  # by bus with a Modbus master
     for node in nodes.values():
         if node.get("transactions"):
             failed[node["bus"]] = failed.get(node["bus"], False) or has_failed(node)
     for name, node in nodes.items():
         made_good = not failed.get(node["bus"], True)
-        yield from node_findings(name, node, evidence.refused.get(name), made_good=made_good)
+        port = evidence.ports.get(name) or PortRecord(node["bus"])
+        yield from node_findings(name, node, evidence.refused.get(name), port, disturbed, made_good=made_good)
     for plc in summary["plcs"]:
         if plc not in told:
             yield from serial_errors(plc, summary, evidence.refused, {})

@@ -91,7 +91,7 @@ class LinkReporter(Notes):
         match event:
             case ScanEnded() | AttemptEnded() | AllHealthy():
                 if port.name == self._primary:
-                    self._master_event(event)
+                    self._master_event(port, event)
             case StationLost():
                 self._lost(port, event)
             case StationBack(tick, station):
@@ -112,7 +112,7 @@ class LinkReporter(Notes):
             case _:
                 assert_never(event)
 
-    def _master_event(self, event: ScanEnded | AttemptEnded | AllHealthy) -> None:
+    def _master_event(self, port: LinkStation, event: ScanEnded | AttemptEnded | AllHealthy) -> None:
         sink = self._sink
         match event:
             case ScanEnded():
@@ -131,7 +131,10 @@ class LinkReporter(Notes):
                 self._scans += 1
             case AttemptEnded():
                 if event.code:
-                    sink.failed(self._bus, event.end, event.station, event.code)
+                    name = self._names.get(event.station)
+                    asked = next((each for each in port.line.ports if each.name == name), port)
+                    garbled = asked.receiver.heard_at > event.start
+                    sink.failed(self._bus, event.end, event.station, event.code, garbled=garbled)
                 if sink.traced:
                     sink.take(self._attempt(event))
             case AllHealthy(tick):

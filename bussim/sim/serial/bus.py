@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 
+from bussim.engines.free.engine import FreeFrame
 from bussim.engines.modbus.adu import Adu
 from bussim.line.characters import LineTiming
 from bussim.sim.notes import Notes
 from bussim.sim.serial.contract import Replies, SerialStation
+from bussim.sim.serial.messages import Messages
 from bussim.sim.wire.contract import LineNode, Reading, Transmission, WireFrame
 from bussim.sim.wire.line import Line
-from bussim.trace.records import Sink
+from bussim.trace.records import Outcome, Sink
 
 #: Frames that are remembered: a message may come in as many as it has characters.
 _PIECES = 256
@@ -29,6 +31,7 @@ class SerialBus(Line):
         # The latest that ended: at most so many characters make a frame, each perhaps sent by itself.
         self._delivered: deque[Transmission] = deque(maxlen=_PIECES)
         self.replies = Replies()
+        self.messages = Messages(self._became)
 
     # -- frames ------------------------------------------------------------------------------------
 
@@ -69,7 +72,22 @@ class SerialBus(Line):
         """Switch a node's driver on for a frame; nodes that waited for silence receive its characters."""
         if self.waiting:
             self._hand_over_all()
-        return super().begin(port, frame, now)
+        tx = super().begin(port, frame, now)
+        if isinstance(frame, FreeFrame):
+            self.messages.begun(tx, self.ports)
+        return tx
+
+    def close(self, now: int) -> None:
+        """See the line."""
+        super().close(now)
+        self.messages.decide(now)
+
+    def _became(self, node: SerialStation, tx: Transmission, outcome: Outcome) -> None:
+        """It is known what became of a message at a node; a wrong one is believed, since it has no check."""
+        self.sink.exchanged(self.name, node.name, tx.sender.name, tx.start, outcome)
+        if outcome is Outcome.WRONG and not tx.mistaken:
+            tx.mistaken = True
+            self.undetected_frames += 1
 
     def _deliver(self, frame: WireFrame, tx: Transmission, now: int) -> None:
         self._delivered.append(tx)

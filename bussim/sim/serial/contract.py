@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections import Counter, defaultdict, deque
+from collections.abc import Collection
 from typing import NamedTuple
 
 from bussim.engines.free.events import FreeEvent
@@ -52,13 +53,17 @@ class Replies:
 
     def gave_up(self, master: str, poll: str, asked: int, end: int) -> None:
         """A master's timeout was over at ``end``, before a response to its request of ``asked``."""
-        begun = next((reply for reply in self._replies if reply.asked == asked), None)
+        begun = self.reply_to(asked)
         if begun is None:
             self._given_up[asked] = master, poll
             if len(self._given_up) > _GIVEN_UP:
                 del self._given_up[next(iter(self._given_up))]
         elif begun.end > end:
             self.late[master][poll] += 1
+
+    def reply_to(self, asked: int) -> Reply | None:
+        """The reply to a request, by its first edge."""
+        return next((reply for reply in self._replies if reply.asked == asked), None)
 
     def reply_at(self, tick: int) -> Reply | None:
         """The reply that was on the wire at a tick; None if none was, or several."""
@@ -84,6 +89,10 @@ class SerialStation(Node):
     protocol_name = "free"
     #: Characters of the latest request that it sent.
     request_chars = 0
+    #: Those of a slave.
+    stations: Collection[int] = ()
+    #: When its engine began to run.
+    engine_since = 0
     #: Those of its bus.
     replies: Replies
 

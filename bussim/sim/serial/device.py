@@ -50,6 +50,7 @@ class DeviceNode(SerialNode):
         )
         self.spec = spec
         self._powered = False
+        self.stations = () if spec.station is None else (spec.station,)
         settings = spec.settings
         self._behaviour = settings.behaviour(spec, streams)
         # Of a PLC as a slave: its scan, at whose END it replies.

@@ -8,6 +8,7 @@ from typing import Any
 
 from bussim.engines.contract import OPEN
 from bussim.engines.free.engine import FreePort
+from bussim.engines.free.events import Received
 from bussim.engines.modbus.events import RequestServed
 from bussim.engines.modbus.master import Master
 from bussim.engines.modbus.slave import Slave
@@ -54,8 +55,9 @@ class SerialNode(SerialStation):
 
     def use_engine(self, engine: Any, timing: LineTiming, now: int) -> None:
         """Use this engine, at this rate and format, from now on; it is not started yet."""
-        self.engine = engine
+        self.engine, self.engine_since = engine, now
         self._served.clear()
+        self.stations = engine.maps if isinstance(engine, Slave) else ()
         if isinstance(engine, (Slave, Master)):
             self.protocol_name = f"modbus-{engine.config.framing.mode.value.lower()}"
             self.kind = "response" if isinstance(engine, Slave) else "request"
@@ -117,6 +119,8 @@ class SerialNode(SerialStation):
             served[item.number] = (item.start, item.tick)
             if len(served) > _MOST_SERVED:
                 del served[next(iter(served))]
+        elif isinstance(item, Received):
+            self.bus.messages.received(self, item)
         self.handle_event(item, now)
 
     @abstractmethod

@@ -98,8 +98,8 @@ class PlcPort(SerialNode):
                     reporter.cycle(self, event)
                 case FreeSent(poll, sent):
                     reporter.sent(self, sent, poll)
-                case FreeReceived(poll, received, damaged):
-                    reporter.received(self, received, poll, damaged)
+                case FreeReceived(poll, received):
+                    reporter.received(self, received, poll)
                 case PortErrorRaised():
                     reporter.port_error(self, event)
                 case _:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import assert_never
 
 from bussim.engines.free.events import Received, Sent
+from bussim.engines.modbus.adu import BROADCAST
 from bussim.engines.modbus.codes import MEANINGS, PortError
 from bussim.engines.modbus.events import (
     CycleEnded,
@@ -20,7 +21,7 @@ from bussim.plc.ports.cpavl import refusal
 from bussim.plc.ports.events import PortErrorRaised, TurnEnded
 from bussim.sim.notes import Notes
 from bussim.sim.serial.contract import SerialStation
-from bussim.trace.records import CycleRecord, FreeRecord, PollRecord, Sink, TransactionRecord
+from bussim.trace.records import CycleRecord, FreeRecord, Outcome, PollRecord, Sink, TransactionRecord
 
 
 @dataclass(slots=True)
@@ -32,6 +33,26 @@ class SlaveCounts:
     broadcasts: int = 0
     exceptions: Counter[int] = field(default_factory=Counter)
     rejected: Counter[str] = field(default_factory=Counter)
+
+
+def _request_outcome(node: SerialStation, event: TransactionEnded) -> tuple[str, Outcome]:
+    """Which node a master's request was for, and what became of it, by what that node has shown."""
+    sent, others = event.sent or 0, [each for each in node.line.ports if isinstance(each, SerialStation)]
+    peer = next((each for each in others if each is not node and event.station in each.stations), None)
+    name = str(event.station) if peer is None else peer.name
+    if event.error is None or event.exception:
+        return name, Outcome.GOOD
+    if peer is None:
+        return name, Outcome.MISSING
+    if peer.engine is None or peer.engine_since > sent or peer.jabbering:
+        return name, Outcome.AWAY
+    reply = node.replies.reply_to(sent)
+    if reply is not None and reply.end <= event.end:
+        damaged = event.error is not PortError.TIMEOUT or node.receiver.heard_at > reply.start
+        return name, Outcome.REPLY_DAMAGED if damaged else Outcome.REPLY_LOST
+    if reply is not None or sent <= peer.engine.heard_start < (event.asked or 0):
+        return name, Outcome.SILENT
+    return name, Outcome.GARBLED if peer.receiver.heard_at > sent else Outcome.DEAF
 
 
 class SerialReporter(Notes):
@@ -115,6 +136,9 @@ class SerialReporter(Notes):
                 chars=(node.request_chars if event.sent is not None else 0) + (reply.chars if reply else 0),
             )
         )
+        if event.sent is not None and event.station != BROADCAST and not mismatched:
+            peer, became = _request_outcome(node, event)
+            self._sink.exchanged(node.line.name, node.name, peer, event.sent, became)
         if event.error is PortError.TIMEOUT and event.sent is not None:
             node.replies.gave_up(node.name, poll, event.sent, event.end)
         if mismatched and outcome in ("ok", "exception"):
@@ -156,9 +180,8 @@ class SerialReporter(Notes):
             FreeRecord(node.line.name, node.name, poll, "sent", sent.start, sent.end, sent.chars, "", 0)
         )
 
-    def received(self, node: SerialStation, received: Received, poll: str, damaged: int) -> None:
+    def received(self, node: SerialStation, received: Received, poll: str) -> None:
         """A PLC's port has received bytes."""
         start, end, data, ended = received.start, received.tick, received.data, received.ended.value
-        self._sink.take(
-            FreeRecord(node.line.name, node.name, poll, "received", start, end, data, ended, damaged)
-        )
+        bus, damaged = node.line.name, received.damaged
+        self._sink.take(FreeRecord(bus, node.name, poll, "received", start, end, data, ended, damaged))

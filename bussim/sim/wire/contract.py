@@ -31,6 +31,9 @@ class WireFrame(Protocol):
 class NodeReceiver(Protocol):
     """A node's receiver as its line uses it; see :class:`bussim.sim.wire.receiver.Receiver`."""
 
+    #: When the latest character came that was not part of a whole undamaged frame.
+    heard_at: int
+
     @property
     def is_open(self) -> bool:
         """Whether it receives character by character."""

@@ -36,6 +36,8 @@ class Receiver:
         self._char_timer = kernel.timer(self._on_character, HEARING)
         self._idle_timer = kernel.timer(self._on_idle, HEARING)
         self.is_open = False
+        #: When the latest character came that was not part of a whole undamaged frame.
+        self.heard_at = -1
         self._parts: list[_Part] = []
         self._wave = Wave(())
         self._ready = 0
@@ -175,6 +177,7 @@ class Receiver:
         """Pass a character to the node's engine; what the engine asks for is done at ``now``."""
         port = self._port
         engine = port.engine
+        self.heard_at = end
         engine.heard = None
         hints = engine.receive(rx, start, end)
         heard = engine.heard

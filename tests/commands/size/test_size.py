@@ -146,7 +146,7 @@ def test_each_sizing_says_what_more_noise_does_and_what_it_rests_on() -> None:
     assert ten["more_ms"] == pytest.approx(5 * 51.72, abs=0.1)
     assert hundred["setting"] is None
     assert 2 <= len(found["assumptions"]) <= 3  # type: ignore[arg-type]
-    assert set(found["classes"]["inputs"].values()) <= {"published", "derived", "assumed", "entered"}  # type: ignore[index]
+    assert set(found["rests_on"]["inputs"].values()) <= {"published", "derived", "assumed", "entered"}  # type: ignore[index]
     said = printed("electrical_noise")
     assert "10 times the noise as entered: 30,000 false station errors a year" in said
     assert "D8179 = 9, D8180 = 5 would do: 259 ms more with a station dead" in said

@@ -144,7 +144,9 @@ def test_the_manuals_reception() -> None:
     assert program.seen[70] == {"complete": 1}
     assert program.seen[80] == {}
     received = bench.of(FreeReceived)
-    assert [(item.poll, item.received.ended, item.damaged) for item in received] == [("", Ended.COUNT, 0)]
+    assert [(item.poll, item.received.ended, item.received.damaged) for item in received] == [
+        ("", Ended.COUNT, 0)
+    ]
 
 
 def test_complete_blocks_reception_until_the_program_resets_it() -> None:
@@ -230,10 +232,10 @@ def test_damaged_characters_raise_5_or_8_until_the_next_sound_reception(*, stop_
     bench.wire.receive(b"cd", 62 * MS)
     bench.run(55 * MS)
     assert (bench.plc.read("M8063"), bench.plc.read("D8063")) == (1, code)
-    assert bench.of(FreeReceived)[0].damaged == 1
+    assert bench.of(FreeReceived)[0].received.damaged == 1
     bench.run(100 * MS)
     assert (bench.plc.read("M8063"), bench.plc.read("D8063")) == (0, code)
-    assert bench.of(FreeReceived)[1].damaged == 0
+    assert bench.of(FreeReceived)[1].received.damaged == 0
 
 
 @pytest.mark.parametrize(

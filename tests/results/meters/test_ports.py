@@ -118,7 +118,7 @@ def test_ages_of_what_is_read() -> None:
     age = port["polls"]["p"]["age_ms"]
     assert age["on_arrival"] == {"p50": None, "max": 16.0}
     assert age["before_refresh"] == {"p50": None, "p99": None, "max": 170.0}
-    assert age["open"] == 1000.0 - 310.0
+    assert age["oldest"] == age["open"] == 1000.0 - 310.0
 
 
 def test_what_never_arrived_is_as_old_as_the_run_and_a_write_has_no_age() -> None:
@@ -127,6 +127,7 @@ def test_what_never_arrived_is_as_old_as_the_run_and_a_write_has_no_age() -> Non
         "on_arrival": {"p50": None, "max": None},
         "before_refresh": {"p50": None, "p99": None, "max": None},
         "open": 1000.0,
+        "oldest": 1000.0,
     }
     assert polls["w"]["age_ms"] is None
 
@@ -159,11 +160,11 @@ def test_port_errors_are_decimal() -> None:
 
 def test_keys_by_protocol() -> None:
     masters = {
-        "protocol", "bus", "timeout_ms", "transactions", "ok", "answered_with_own_data", "exceptions", "timeouts",
+        "protocol", "bus", "timeout_ms", "transactions", "broadcast_requests", "ok", "answered_with_own_data", "exceptions", "timeouts",
         "crc_errors", "other_errors", "mismatched_responses", "late_responses", "response_ms", "polls", "cycle_ms", "errors",
     }  # fmt: skip
     slaves = {"protocol", "bus", "station", "requests", "answered", "exceptions", "rejected", "errors"}
-    free = {"protocol", "bus", "sent", "received", "timeouts", "damaged", "bytes", "errors"}
+    free = {"protocol", "bus", "sent", "received", "timeouts", "damaged", "bytes", "messages", "errors"}
     for mode in ("rtu", "ascii"):
         assert port_of(Collector(), protocol=f"modbus-{mode}-master").keys() == masters
         assert port_of(Collector(), protocol=f"modbus-{mode}-slave").keys() == slaves
@@ -211,6 +212,7 @@ def test_free_protocol_counts() -> None:
     assert port_of(collector, protocol="free") == {
         "protocol": "free", "bus": "feeder", "sent": 1, "received": 2, "timeouts": 2, "damaged": 3,
         "bytes": {"sent": 3, "received": 8}, "errors": {},
+        "messages": dict.fromkeys(("sent", "whole", "damaged", "wrong", "lost", "not_ready", "away"), 0),
     }  # fmt: skip
 
 

@@ -4,23 +4,24 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
-Data = dict[str, Any]
-
-
-class Case(NamedTuple):
-    """A scenario with one thing wrong.
-
-    ``key`` is the sentence that must name the cause, ``values`` what it must say of it; ``others`` are
-    sentences about what follows from it.
-    """
-
-    scenario: Data
-    key: str
-    values: Data
-    others: frozenset[str] = frozenset()
-
+from .port_cases import (
+    PORT_CASES,
+    Case,
+    Data,
+    dead_device,
+    dead_modbus_master,
+    late_responses,
+    mistaken_responses,
+    modbus,
+    modbus_master_dead_to_the_end,
+    readers,
+    two_modbus_masters,
+    wrong_address,
+    wrong_addresses_alone,
+    wrong_format_of_a_device,
+)
 
 #: What is said of every station error and every request without a response, whatever its cause is; and what
 #: stations show of the master's frames and of their ports besides.
@@ -64,45 +65,6 @@ def link(draw: random.Random, **changes: Any) -> Data:
         "buses": [{"name": "link", "nn": True}],
     }
     return {**base, "plcs": plcs, **changes}
-
-
-def modbus(draw: random.Random, delay: int = 5, **port: Any) -> Data:
-    """A healthy Modbus bus: a PLC polls two registers of a drive."""
-    settings = {
-        "bus": "drives",
-        "protocol": "modbus-rtu-master",
-        "timeout": "100 ms",
-        "interval": "5 ms",
-        **port,
-    }
-    polls = [
-        {"name": name, "port": "COM3", "station": 1, "function": 3, "address": address, "count": 2, "to": to}
-        for name, address, to in (("vfd_status", 0, "D400"), ("vfd_speed", 8, "D410"))
-    ]
-    drive = {
-        "name": "drive",
-        "model": "map",
-        "bus": "drives",
-        "station": 1,
-        "delay": f"{delay} ms",
-        "registers": [{"address": 0, "count": 16, "value": 7}],
-    }
-    return {
-        "schema": 1,
-        "name": "a drive",
-        "duration": "10 s",
-        "seed": draw.randint(1, 10_000),
-        "buses": [{"name": "drives", "baud": draw.choice((9600, 19200, 38400)), "format": "8N1"}],
-        "plcs": [
-            {
-                "name": "press",
-                "scan": f"{draw.randint(2, 15)} ms",
-                "ports": {"COM3": settings},
-                "polls": polls,
-            }
-        ],
-        "devices": [drive],
-    }
 
 
 def _a_time(draw: random.Random, what: str, of: Any, **when: Any) -> list[Data]:
@@ -271,7 +233,7 @@ def noise_at_a_slaves_receiver(draw: random.Random) -> Case:
     line = link(draw)
     noise = {"bus": "link", "station": "plc1", "direction": "rx", "ber": 0.001, "at": "5 s"}
     line["noise"] = [noise]
-    others = frozenset({"master_not_received", "undetected", "cause_no_reply", "cause_format"})
+    others = frozenset({"master_not_received", "undetected", "cause_no_reply", "cause_format", "cause_noisy"})
     return Case(line, "master_damaged", {"master": "plc0"}, others)
 
 
@@ -374,80 +336,6 @@ def damaged_replies(draw: random.Random) -> Case:
     return Case(line, "cause_damaged", {"station": _of(name)}, frozenset({"undetected"}))
 
 
-def mistaken_responses(draw: random.Random) -> Case:
-    bus = modbus(draw, delay=60, timeout="40 ms")
-    bus["buses"][0]["baud"] = 38400
-    return Case(bus, "mistaken", {"node": "press.COM3"}, frozenset({"no_own_data", "late"}))
-
-
-def late_responses(draw: random.Random) -> Case:
-    bus = modbus(draw, delay=draw.randint(90, 120), timeout="60 ms", interval="200 ms")
-    return Case(bus, "late", {"node": "press.COM3", "timeout_ms": 60}, frozenset({"no_own_data"}))
-
-
-def two_modbus_masters(draw: random.Random) -> Case:
-    bus = modbus(draw)
-    other = {**bus["plcs"][0], "name": "packer", "scan": "3 ms"}
-    bus["plcs"].append(other)
-    others = frozenset(
-        {
-            "mistaken",
-            "damaged_responses",
-            "requests_ignored",
-            "no_response",
-            "late",
-            "undetected",
-            "no_own_data",
-        }
-    )
-    return Case(bus, "two_masters", {"masters": ["press.COM3", "packer.COM3"]}, others)
-
-
-def dead_device(draw: random.Random) -> Case:
-    bus = modbus(draw)
-    bus["faults"] = [{"at": "3 s", "for": "3 s", "power_off": "drive"}]
-    return Case(
-        bus,
-        "no_response",
-        {"node": "press.COM3", "polls": ["vfd_status", "vfd_speed"]},
-        frozenset({"damaged_responses", "not_running"}),
-    )
-
-
-def wrong_format_of_a_device(draw: random.Random) -> Case:
-    bus = modbus(draw)
-    bus["faults"] = [{"at": "3 s", "for": "3 s", "wrong_format": {"station": "drive", "format": "8E1"}}]
-    return Case(bus, "requests_ignored", {"node": "drive"}, frozenset({"damaged_responses"}))
-
-
-def dead_modbus_master(draw: random.Random) -> Case:
-    bus = modbus(draw)
-    what = draw.choice(("power_off", "stop"))
-    bus["faults"] = [{"at": "3 s", "for": "3 s", what: "press"}]
-    others = frozenset({"requests_ignored", "damaged_responses"})
-    return Case(bus, "not_running", {"plc": "press"}, others)
-
-
-def modbus_master_dead_to_the_end(draw: random.Random) -> Case:
-    bus = modbus(draw)
-    bus["faults"] = [{"at": "3 s", "power_off": "press"}]
-    others = frozenset({"requests_ignored", "damaged_responses"})
-    return Case(bus, "still_not_running", {"plc": "press"}, others)
-
-
-def wrong_address(draw: random.Random) -> Case:
-    bus = modbus(draw)
-    bus["plcs"][0]["polls"][1]["address"] = 0x1000
-    return Case(bus, "exceptions", {"node": "press.COM3"})
-
-
-def wrong_addresses_alone(draw: random.Random) -> Case:
-    bus = modbus(draw)
-    for poll in bus["plcs"][0]["polls"]:
-        poll["address"] = 0x1000
-    return Case(bus, "no_own_data", {"node": "press.COM3"}, frozenset({"exceptions"}))
-
-
 def _by_registers(plc: Data, **registers: int) -> None:
     """Set a PLC's link by raw registers, which may be bad."""
     del plc["nn"]
@@ -505,12 +393,15 @@ ONE_THING_WRONG: tuple[Callable[[random.Random], Case], ...] = (
     wrong_address,
     wrong_addresses_alone,
     noise_at_a_slaves_receiver,
+    *PORT_CASES,
 )
 
 
 def healthy(seed: int) -> Data:
-    """A scenario in which nothing is wrong: a link, or a Modbus bus."""
+    """A scenario in which nothing is wrong: a link, a Modbus bus, or readers with a protocol of their own."""
     draw = random.Random(seed)
+    if seed % 4 == 3:
+        return readers(draw)
     if seed % 3 == 2:
         return modbus(draw, delay=draw.randint(1, 40))
     line = link(draw)
