@@ -32,7 +32,7 @@ from bussim.version import __version__
 
 __all__ = ["Progress", "Result", "Source", "load", "open_run", "run"]
 
-#: Called with (ticks simulated, ticks in all) some hundred times a run.
+#: Called with (ticks simulated, ticks in all) now and then.
 Progress = Callable[[int, int], None]
 #: The path of a scenario file, or the name of a built-in scenario.
 Source = str | os.PathLike[str]
@@ -63,7 +63,8 @@ def run(
 ) -> Result:
     """Simulate a scenario, given as such, as a file or by a built-in name.
 
-    ``out`` is a folder to write (summary, tables, pictures); without it the result stays in memory.
+    ``out`` is a folder to write (summary, tables; :meth:`Result.save_plots` adds pictures); without it the
+    result stays in memory.
     ``rows`` keeps one row a link scan, Modbus transaction, free-protocol message and change of an
     observed device, ``trace`` also every attempt, frame and event; without both the memory needed
     does not depend on the run's length. ``format`` is that of the tables, "csv" or "parquet". Where

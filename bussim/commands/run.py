@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 )
 @click.option("--trace", is_flag=True, help="Also write every attempt, frame and event.")
 @click.option("--no-rows", is_flag=True, help="Write no tables, only statistics.")
+@click.option("--no-plots", is_flag=True, help="Draw no pictures, which take longer than a short run.")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
 @click.option(
     "--format", "fmt", type=click.Choice(["csv", "parquet"]), default="csv", help="Format of the tables."
@@ -40,6 +41,7 @@ def command(
     out: str | None,
     trace: bool,
     no_rows: bool,
+    no_plots: bool,
     as_json: bool,
     fmt: str,
     force: bool,
@@ -79,6 +81,10 @@ def command(
         print_json(result.summary)
     else:
         _show(result)
+    # Last, so that nobody waits for pictures before the numbers are shown.
+    for picture in [] if no_plots else result.save_plots():
+        if not as_json:
+            click.echo(f"picture: {picture}")
 
 
 def _show(result: Result) -> None:
@@ -89,9 +95,4 @@ def _show(result: Result) -> None:
     names = {link.bus: link.station_names for link in result.totals.links} if result.totals else {}
     console = Console(highlight=False)
     show_result(console, result.record, names)
-    if result.folder is not None:
-        kinds = ("scan_time_*.png", "response_time_*.png", "latency_*.png")
-        pictures = [path for kind in kinds for path in sorted(result.folder.glob(kind))]
-        click.echo(f"\nresults: {result.folder}")
-        for picture in pictures:
-            click.echo(f"picture: {picture}")
+    click.echo(f"\nresults: {result.folder}")

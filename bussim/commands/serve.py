@@ -91,6 +91,10 @@ def command(
         record = session.record()
         results = folder.finish(record, _as_served(loaded, record)) if folder is not None else None
     _show(session, record, results, as_json=as_json)
+    if results is not None:
+        from bussim.results.pictures import draw_run
+
+        draw_run(record, results)
 
 
 def _folder(

@@ -12,11 +12,17 @@ import math
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
-from bussim.line.random_streams import Streams
+from bussim.line.random_streams import Streams, Uniforms
+
+if TYPE_CHECKING:
+    import numpy as np
 
 #: Consecutive bits of a frame with one error probability: (number of bits, probability).
 Run = tuple[int, float]
+#: By more than rounding can make a chance differ that is worked out from other runs of the same bits.
+_ROUNDED = 1 + 1e-12
 
 
 class ConstantRate:
@@ -32,6 +38,10 @@ class ConstantRate:
         if they are its first.
         """
         return [(bits, self.ber)]
+
+    def at_most(self, starts: np.ndarray, bits: int, bit: Fraction) -> float:
+        """How likely a hit is, at most, of each of some frames with so many bits (with these first edges)."""
+        return hit_probability([(bits, self.ber)])
 
 
 def _bits_before(tick: int, start: int, bit: Fraction) -> int:
@@ -57,6 +67,25 @@ class BurstRate:
         self._changes: list[int] = []
         self._horizon = 0
 
+    def forget(self, tick: int) -> None:
+        """No frame begins before a tick any more."""
+        passed = bisect_right(self._changes, tick)
+        if passed:
+            del self._changes[:passed]
+            self._state = (self._state + passed) & 1
+
+    def at_most(self, starts: np.ndarray, bits: int, bit: Fraction) -> np.ndarray:
+        """See :class:`ConstantRate`: a frame has all of its bits in the worst state that it meets."""
+        import numpy as np
+
+        over = math.ceil(bit * bits)
+        self._extend(int(starts[-1]) + over)
+        changes, state = np.array(self._changes), self._state
+        first, last = (np.searchsorted(changes, at, side="right") for at in (starts, starts + over))
+        chances = np.array([hit_probability([(bits, rate)]) for rate in self._rates])
+        worst: np.ndarray = np.where(first == last, chances[(first + state) & 1], chances.max())
+        return worst
+
     def _extend(self, tick: int) -> None:
         state = (self._state + len(self._changes)) & 1
         while self._horizon <= tick:
@@ -68,11 +97,8 @@ class BurstRate:
     def runs(self, start: int, bits: int, bit: Fraction, begun: int | None = None) -> list[Run]:
         """See :class:`ConstantRate`."""
         self._extend(start + math.ceil(bit * bits))
+        self.forget(start if begun is None else begun)
         changes = self._changes
-        passed = bisect_right(changes, start if begun is None else begun)
-        if passed:
-            del changes[:passed]
-            self._state = (self._state + passed) & 1
         found: list[Run] = []
         state, done = self._state, 0
         for change in changes:
@@ -111,6 +137,14 @@ class ImpulseRate:
             number += 1
         return found
 
+    def at_most(self, starts: np.ndarray, bits: int, bit: Fraction) -> np.ndarray:
+        """See :class:`ConstantRate`: a frame that an impulse touches has all of its bits in impulses."""
+        import numpy as np
+
+        last = (starts + math.ceil(bit * bits) - self._first) // self._every  # that begins before its end
+        over = self._first + last * self._every + self._width
+        return np.where((last >= 0) & (over > starts), hit_probability([(bits, self._ber)]), 0.0)
+
 
 #: How likely each bit of a frame is inverted.
 ErrorRate = ConstantRate | BurstRate | ImpulseRate
@@ -130,11 +164,53 @@ class BitNoise:
         self._rate = rate
         self._streams = streams
         self._since, self._until = since, until
-        self._draws: dict[str, tuple[Iterator[float], Iterator[float]]] = {}
+        self._draws: dict[str, tuple[Uniforms, Uniforms]] = {}
         # The chance of a hit by number of bits, where it does not depend on the time.
         self._steady: dict[int, float] | None = (
             {} if isinstance(rate, ConstantRate) and since == 0 and until is None else None
         )
+
+    def _draws_for(self, key: str) -> tuple[Uniforms, Uniforms]:
+        draws = self._draws.get(key)
+        if draws is None:
+            draws = self._draws[key] = (
+                self._streams.uniforms("noise", self._name, key),
+                self._streams.uniforms("noise", self._name, key, "bits"),
+            )
+        return draws
+
+    def edge(self, now: int) -> int | None:
+        """When its window begins or ends next."""
+        return next((at for at in (self._since, self._until) if at is not None and at > now), None)
+
+    @property
+    def varies(self) -> bool:
+        """Whether the chance of a hit depends on when a frame is sent, within the window too."""
+        return not isinstance(self._rate, ConstantRate)
+
+    def calm(self, key: str, starts: np.ndarray, bits: int, bit: Fraction) -> int:
+        """How many of the next frames with a key, from the first on, are surely not hit.
+
+        They begin at ``starts`` (of a constant rate only the first counts) and meet no edge of the window.
+        """
+        most = len(starts)
+        if not most:
+            return 0
+        if starts[0] < self._since or (self._until is not None and starts[0] >= self._until):
+            return most
+        chance, draws = self._rate.at_most(starts, bits, bit), self._draws_for(key)[0]
+        if isinstance(chance, float):
+            return draws.before(chance, most)
+        hit = draws.ahead(most) < chance * _ROUNDED
+        first = int(hit.argmax())
+        return first if hit[first] else most
+
+    def skip(self, key: str, count: int, now: int) -> None:
+        """So many frames with a key were not hit; all frames from now on begin at ``now`` or later."""
+        if isinstance(self._rate, BurstRate):
+            self._rate.forget(now)
+        if self._until is None or now < self._until:
+            self._draws_for(key)[0].skip(count)
 
     def inverted(
         self, start: int, bits: int, bit: Fraction, key: str, pieces: Sequence[tuple[int, int]] = ()
@@ -145,12 +221,7 @@ class BitNoise:
         """
         if self._until is not None and start >= self._until:
             return ()
-        draws = self._draws.get(key)
-        if draws is None:
-            draws = self._draws[key] = (
-                self._streams.uniforms("noise", self._name, key),
-                self._streams.uniforms("noise", self._name, key, "bits"),
-            )
+        draws = self._draws_for(key)
         steady = self._steady
         if steady is not None:
             chance = steady.get(bits)

@@ -87,8 +87,6 @@ class Plc:
         self._port_list = tuple(self.port_registers.values())
         #: Set where the PLC is connected to a link.
         self.received: Received | None = None
-        #: Called before the link's status is published: a shared listener may have received for its engine.
-        self.before_status: Callable[[], None] | None = None
         self._scan = (scan_mean, scan_jitter)
         self._phase = phase
         self._registers = {parse_device(name): value for name, value in registers.items()}
@@ -289,8 +287,6 @@ class Plc:
 
     def _publish(self) -> None:
         """Write the link's status into the special devices."""
-        if self.before_status is not None:
-            self.before_status()
         self.link_registers.publish()
 
     def _refresh(self, end: int) -> None:

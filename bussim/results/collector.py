@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
-from typing import Protocol, assert_never
+from typing import TYPE_CHECKING, Protocol, assert_never
 
 from bussim.results.meters.failures import FailureMeter, Irregulars, LinkMember, note_irregular
 from bussim.results.meters.latency import LatencyMeter, LatencySpec
@@ -29,6 +29,9 @@ from bussim.trace.records import (
     ScanRecord,
 )
 
+if TYPE_CHECKING:
+    import numpy as np
+
 #: Notes that are kept besides the faults.
 MOST_NOTES = 1000
 #: ENDs that are recorded one by one come into a trace in blocks of so many.
@@ -43,6 +46,9 @@ class Rows(Protocol):
 
     def take(self, record: Record) -> None:
         """A record; attempts, frames and ENDs only of a traced run."""
+
+    def ordinary_scans(self, bus: str, number: int, starts: np.ndarray, attempts: int) -> None:
+        """Link scans without errors; see :meth:`bussim.trace.records.Sink.ordinary_scans`."""
 
 
 class Collector:
@@ -103,6 +109,12 @@ class Collector:
             case _:
                 assert_never(record)
         self._keep(record)
+
+    def ordinary_scans(self, bus: str, number: int, starts: np.ndarray, attempts: int) -> None:
+        """Count link scans without errors, and hand them on to the rows."""
+        self._link(bus).scans(starts)
+        if self._rows is not None:
+            self._rows.ordinary_scans(bus, number, starts, attempts)
 
     def _keep(self, record: Record) -> None:
         if self._rows is not None:
@@ -180,6 +192,12 @@ class Collector:
         """Count a refresh."""
         self._refresh.refreshed(bus, source, tick, heard)
         self._latency.refreshed(bus, source, tick, heard)
+
+    def refreshed_often(self, bus: str, source: int, ticks: np.ndarray, heard: Sequence[int] | None) -> None:
+        """Count refreshes of one source."""
+        self._refresh.refreshed_often(bus, source, ticks, heard)
+        for tick in ticks.tolist() if self._latency.plcs else ():
+            self._latency.refreshed(bus, source, tick, heard)
 
     def switched(self, bus: str, position: int, tick: int, fresh: int | None) -> None:
         """See :meth:`bussim.trace.records.Sink.switched`."""

@@ -115,6 +115,17 @@ class Result:
         """
         return self._rows.open_trace()
 
+    def save_plots(self) -> list[Path]:
+        """Draw the run's pictures, as `bussim run` does, into its folder; returns the PNGs' paths.
+
+        Raises UsageError if the run has no folder, or if it cannot be written.
+        """
+        from bussim.results.pictures import draw_run
+
+        if self.folder is None:
+            raise UsageError("this run has no folder for pictures; run it with out=")
+        return draw_run(self.record, self.folder)
+
     def plot_scan_times(self, path: str | os.PathLike[str] | None = None, bus: str | None = None) -> Figure:
         """The histogram of link scan times of a bus (default: the first one with scans).
 

@@ -95,7 +95,7 @@ class ExternalSerialBus(BridgedLine, SerialBus):
 class ExternalLinkBus(BridgedLine, LinkBus):
     """An N:N line with a bridge. It needs to know the PLCs by station that are not simulated."""
 
-    shared = False  # a shared listener and fast exchanges would leave the bridge out
+    in_blocks = False  # the bridge has to see every frame
 
     def leave_out(self, external_nodes: Mapping[int, str]) -> None:
         """These are not simulated."""

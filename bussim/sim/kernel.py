@@ -14,15 +14,16 @@ and priority fire in the order in which they were set, chained or not.
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import inf
+from heapq import heappop
 from typing import Final
 
 import simpy
 from simpy.events import EventPriority
 
-#: Order of things at one tick (fixed by the model): faults, then what was completely heard, then
-#: what engines do at their deadlines, then ENDs, then transmissions. Most ENDs are no events; looked
-#: up at its tick such a one counts as done.
+#: Order of things at one tick (fixed by the model): the end of a run, faults, then what was completely
+#: heard, then what engines do at their deadlines, then ENDs, then transmissions. Most ENDs are no events;
+#: looked up at its tick such a one counts as done.
+_STOP: Final = EventPriority(0)
 FAULT: Final = EventPriority(1)
 HEARING: Final = EventPriority(2)
 DEADLINES: Final = EventPriority(3)
@@ -33,6 +34,8 @@ SENDING: Final = EventPriority(5)
 NEVER: Final = 1 << 62
 
 _UNSET = -1
+#: Events between two looks at how far a run is.
+_WATCHED = 256
 
 
 class Timer:
@@ -47,7 +50,7 @@ class Timer:
         self._event = event = simpy.Event(kernel.env)
         # A SimPy event may only be scheduled triggered; this one is so for ever.
         event._ok = True  # noqa: SLF001 - what Event.succeed does, without scheduling
-        event._value = None  # noqa: SLF001 - the same
+        event._value = self  # noqa: SLF001 - the same; by it Kernel.next knows whose event it is
         self._callbacks: list[Callable[[simpy.Event], None]] = [self._fire]
         event.callbacks = self._callbacks
         #: The tick that it is set to, -1 when it is not set.
@@ -122,12 +125,13 @@ class Kernel:
     a chained timer is carried out without going through the queue (:meth:`Timer.chain`).
     """
 
-    __slots__ = ("chained", "env", "now")
+    __slots__ = ("_stop", "chained", "env", "now")
 
     def __init__(self) -> None:
         self.env = simpy.Environment(initial_time=0)
         self.now = 0
         self.chained: Timer | None = None
+        self._stop = Timer(self, lambda _: None, _STOP)
 
     def timer(self, action: Callable[[int], None], priority: EventPriority) -> Timer:
         """A timer that calls ``action(tick)``."""
@@ -141,15 +145,22 @@ class Kernel:
         """The tick at which something may happen next, far away if nothing is to happen at all."""
         if self.chained is not None:  # set while no action ran
             self.chained.unchain()
-        at = self.env.peek()
-        return NEVER if at == inf else int(at)
+        queue = self.env._queue  # noqa: SLF001 - entries of timers that were set anew are dropped here
+        while queue and queue[0][0] != queue[0][3]._value.at:  # noqa: SLF001
+            heappop(queue)
+        return queue[0][0] if queue else NEVER  # type: ignore[return-value] # ticks are whole
 
-    def run(self, until: int) -> None:
-        """Do everything before the tick ``until``."""
+    def run(self, until: int, watch: Callable[[int], None] | None = None) -> None:
+        """Do everything before the tick ``until``; ``watch`` is called with the tick now and then."""
         if until <= self.env.now:
             return
-        if self.chained is not None:  # set while no action ran
-            self.chained.unchain()
-        self.env.run(until)
-        self.env.step()  # SimPy puts the event that stopped it back into its queue
+        self._stop.set(until)
+        step = self.env.step
+        while self._stop.at >= 0:
+            for _ in range(_WATCHED):
+                step()
+                if self._stop.at < 0:
+                    break
+            if watch is not None:
+                watch(self.now)
         self.now = until

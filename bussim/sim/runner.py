@@ -38,8 +38,6 @@ from bussim.trace.records import LinkTotals, RunTotals, Sink
 
 Progress = Callable[[int, int], None]
 
-_PROGRESS_STEPS = 400
-
 
 class Lines:
     """The lines of a simulation: none leads out of it. For a subclass, whose lines do.
@@ -171,7 +169,6 @@ class Simulation:
         for port in ports:
             self.nodes[port.name] = port
             port.plc.received = _visible(bus, port.position)
-            port.plc.before_status = bus.shared_listener.sync
 
     def _build_serial_bus(self, spec: model.Bus) -> None:
         ports = {
@@ -231,9 +228,9 @@ class Simulation:
         """The current tick."""
         return self.kernel.now
 
-    def run(self, until: int) -> None:
-        """Simulate everything before the tick ``until``."""
-        self.kernel.run(until)
+    def run(self, until: int, watch: Callable[[int], None] | None = None) -> None:
+        """Simulate everything before the tick ``until``; ``watch`` is called with the tick now and then."""
+        self.kernel.run(until, watch)
 
     def totals(self) -> RunTotals:
         """Counts so far; brings every PLC's memory up to its latest END."""
@@ -317,14 +314,9 @@ def _stimulus(plc: str, device: str, given: InputSpec, streams: Streams) -> Stim
 def simulate(scenario: model.Scenario, sink: Sink, *, progress: Progress | None = None) -> RunTotals:
     """Run a scenario to its end; ``sink`` takes its records.
 
-    ``progress``, where given, is called with (ticks simulated, ticks in all) some hundred times.
+    ``progress``, where given, is called with (ticks simulated, ticks in all) now and then.
     """
     simulation = Simulation(scenario, sink)
     duration = scenario.duration
-    if progress is None:
-        simulation.run(duration)
-    else:
-        for step in range(1, _PROGRESS_STEPS + 1):
-            simulation.run(duration * step // _PROGRESS_STEPS)
-            progress(simulation.now, duration)
+    simulation.run(duration, None if progress is None else lambda now: progress(now, duration))
     return simulation.totals()

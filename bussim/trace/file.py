@@ -44,6 +44,8 @@ TRACE = "trace.jsonl"
 #: No line of a trace is longer (characters).
 _LONGEST_LINE = 16 * 1024 * 1024
 
+_encode = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode
+
 R = TypeVar("R", bound=Record)
 #: Gives the records of some types (None: of all) from the beginning.
 Source = Callable[[Collection[type[Record]] | None], Iterator[Record]]
@@ -70,8 +72,7 @@ class TraceWriter:
         self._file.close()
 
     def _line(self, line: Line) -> None:
-        text = json.dumps(line, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-        self._file.write(text + "\n")
+        self._file.write(_encode(line) + "\n")
 
 
 class Trace:

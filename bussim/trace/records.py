@@ -9,11 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from bussim.line.contention import Contention
 from bussim.line.protocols import BusProtocol
 from bussim.line.wave import Pause
+
+if TYPE_CHECKING:
+    import numpy as np
 
 
 class ScanRecord(NamedTuple):
@@ -225,13 +228,19 @@ class TraceHeader(NamedTuple):
 
 
 class Sink(Protocol):
-    """What takes a run's records. Ticks of records of one type never decrease."""
+    """What takes a run's records. Ticks of one type never decrease; of refreshes those of one source."""
 
     #: Whether attempts and frames are wanted; they cost time and memory.
     traced: bool
 
     def take(self, record: Record) -> None:
         """Take a record: attempts and frames only if :attr:`traced`, an input's change when it is sampled."""
+
+    def ordinary_scans(self, bus: str, number: int, starts: np.ndarray, attempts: int) -> None:
+        """Take link scans in a row without errors, as if each came as a record; the first has ``number``.
+
+        Each lasts from one of the ticks ``starts`` to the next, and has so many attempts.
+        """
 
     def failed(self, bus: str, tick: int, station: int, code: int, *, garbled: bool = False) -> None:
         """An attempt of the bus's (first) master failed with an error code.
@@ -254,6 +263,9 @@ class Sink(Protocol):
         (:attr:`LinkTotals.plc_names`). ``heard`` is None when every other station that is switched to
         the link took it, which is the ordinary case; else the positions of those that did.
         """
+
+    def refreshed_often(self, bus: str, source: int, ticks: np.ndarray, heard: Sequence[int] | None) -> None:
+        """Take refreshes of a source at some ticks, in order, each as of :meth:`refreshed`."""
 
     def switched(self, bus: str, position: int, tick: int, fresh: int | None) -> None:
         """A PLC of a link goes to RUN, or (``fresh`` None) leaves it, at ``tick``.

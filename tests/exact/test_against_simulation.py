@@ -20,9 +20,10 @@ from bussim.sim.runner import simulate
 from bussim.trace.records import Outcome, Record, RunTotals, ScanRecord
 from tests.exact.bounds import KOLMOGOROV, SIGMAS, kolmogorov, off_by
 from tests.selection import quick_names
+from tests.sinks import OneByOne
 
 
-class Heard:
+class Heard(OneByOne):
     """A sink that keeps scan times and gaps."""
 
     traced = False

@@ -24,6 +24,7 @@ from bussim.scenario.model import Scenario
 from bussim.sim.runner import simulate
 from bussim.trace.records import Outcome, Record, ScanRecord
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
+from tests.sinks import OneByOne
 
 CASES = Path(__file__).parent / "cases"
 #: Scans of the start-up, in which slaves wait for their parameters; blocks of the others.
@@ -32,7 +33,7 @@ STARTING, BLOCKS = 20, 60
 SCANS = 5_000
 
 
-class Seen:
+class Seen(OneByOne):
     """A sink that keeps scans, stations in error at their ends, and receptions by (source, receiver)."""
 
     traced = False

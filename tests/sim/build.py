@@ -30,6 +30,7 @@ from bussim.trace.records import (
     ScanRecord,
     TransactionRecord,
 )
+from tests.sinks import OneByOne
 
 MS = 72_000
 SECOND = 72_000_000
@@ -74,7 +75,7 @@ PLAIN = steady()
 
 
 @dataclass
-class Recorder:
+class Recorder(OneByOne):
     """A sink that keeps everything."""
 
     traced: bool = True

@@ -209,6 +209,7 @@ class _Session:
         listener: Listener | None,
         misfit: Misfit | None,
     ) -> None:
+        from bussim.results.pictures import draw_run
         from bussim.trace.records import RunTotals
         from bussim.version import __version__
 
@@ -220,4 +221,4 @@ class _Session:
             totals = RunTotals(duration, (misfit.totals(),), (), warnings, ())
         record = self.tally.run(totals, scenario=self.bus, seed=0)
         text = f"# Recorded by bussim {__version__} from {source}; bussim fit makes a scenario of it.\n"
-        folder.finish(record, text)
+        draw_run(record, folder.finish(record, text))

@@ -32,7 +32,7 @@ class NnEngine(Engine[Frame, EventT], Protocol[EventT]):
         super().__init__()
         self._encoded = {}
 
-    def _data_frame(self, station: int, counter: int) -> Frame:
+    def data_frame(self, station: int, counter: int) -> Frame:
         """The data frame with :attr:`image`, encoded once for each counter while that stays the same."""
         image = self.image
         if image is not self._encoded_image:

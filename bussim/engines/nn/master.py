@@ -31,6 +31,7 @@ from bussim.engines.nn.frames import (
     encode_parameters,
     encode_poll,
 )
+from bussim.engines.nn.ordinary import OrdinaryScans
 from bussim.engines.nn.states import MASTER, MasterInput, MasterState
 from bussim.engines.nn.status import STATIONS, LinkStatus
 
@@ -76,9 +77,10 @@ class Master(NnEngine[MasterEvent]):
         #: Failed attempts by station and code, station errors by station; never cleared by STOP.
         self.failed_attempts: dict[int, dict[int, int]] = {}
         self.station_errors = dict.fromkeys(range(1, config.settings.slaves + 1), 0)
-        self._block_size = MODES[config.settings.mode].size
+        #: Bytes of a block in the link's mode.
+        self.block_size = MODES[config.settings.mode].size
         self._reader = FrameReader()
-        self._reader.data_size = self._block_size
+        self._reader.data_size = self.block_size
         self._polls = [[encode_poll(k, c) for c in range(16)] for k in range(1, STATIONS)]
         self._reset()
 
@@ -143,7 +145,7 @@ class Master(NnEngine[MasterEvent]):
         """A whole undamaged frame; the same as its characters one by one."""
         if self.state is not MasterState.REPLY:
             return 0
-        if frame.kind == DATA and len(frame.data) != self._block_size:
+        if frame.kind == DATA and len(frame.data) != self.block_size:
             self._reader.reject(frame, start)
             self._other_characters = True
             return OPEN
@@ -248,15 +250,40 @@ class Master(NnEngine[MasterEvent]):
         self.due = now + self.config.overhead + self.config.gap
         return (TRANSMIT | EVENTS) if self._events else TRANSMIT
 
-    @property
-    def station(self) -> int:
-        """The slave whose exchange is under way or comes next."""
-        return self._station
+    # -- ordinary scans ------------------------------------------------------------------------
 
     @property
-    def first_attempt(self) -> bool:
-        """Whether the frame that is due is an exchange's first poll."""
-        return self.state is MasterState.POLL and self._attempt == 1
+    def ordinary(self) -> bool:
+        """Whether its data frame is due and no slave is in error: an ordinary scan may follow."""
+        return self.state is MasterState.DATA and not self._trouble
+
+    @property
+    def counter(self) -> int:
+        """The counter of the link scan that is under way, or comes next."""
+        return self._counter
+
+    def pass_scans(self, scans: OrdinaryScans) -> int:
+        """Pass ordinary scans, the first of which has begun; returns hints.
+
+        The next data frame is due then. That all but the last of these scans ended is not reported.
+        """
+        starts, slaves = scans.starts, scans.slaves
+        self.status.measured_each(starts[:-1])
+        self._scan_start = int(starts[-2])
+        self._scans += scans.number - 1
+        self._scan_attempts = slaves
+        self.polls += slaves * scans.number
+        polled, waited = scans.polled[:, -1], scans.replies[:, -1] - scans.polled[:, -1]
+        slowest = int(waited.argmax())
+        self._slowest = int(waited[slowest])
+        self._slowest_station = slowest + 1 if self._slowest else 0
+        self._poll_end = int(polled[-1])
+        self._poll_start = self._poll_end - scans.poll
+        self._station, self._attempt = slaves, 1
+        self._other_characters = self._reply_damaged = self._with_parameters = False
+        self._counter = (scans.latest + 1) & 15
+        self.due = int(starts[-1])
+        return TRANSMIT
 
     # -- sending -------------------------------------------------------------------------------
 
@@ -275,7 +302,7 @@ class Master(NnEngine[MasterEvent]):
         if self.state is not MasterState.DATA:
             raise RuntimeError(f"no frame is due while {self.state}")
         self._scan_begins(now)
-        return self._data_frame(0, self._counter)
+        return self.data_frame(0, self._counter)
 
     def _scan_begins(self, now: int) -> None:
         status = self.status

@@ -65,7 +65,7 @@ _NOTHING_RECEIVED = ReceptionState(NONE_PENDING, 0, codes.NOT_IN_NETWORK, -1, 0,
 
 
 class Reception:
-    """The state of reception of one slave, or of several that have received the same."""
+    """The state of reception of a slave."""
 
     @property
     def reception(self) -> ReceptionState:

@@ -11,7 +11,9 @@ from bussim.engines.nn import codes
 from bussim.engines.nn.contract import STORED
 from bussim.engines.nn.events import ParametersRefused, ParametersTaken, PolledWithoutParameters
 from bussim.engines.nn.frames import DATA, MODES, POLL, Damage, Frame, FrameReader, LinkSettings
-from bussim.engines.nn.monitor import NONE_PENDING, LinkMonitor, SlaveConfig
+from bussim.engines.nn.master import Master
+from bussim.engines.nn.monitor import NONE_PENDING, LinkMonitor, ReceptionState, SlaveConfig
+from bussim.engines.nn.ordinary import OrdinaryScans
 from bussim.engines.nn.states import SLAVE, SlaveInput, SlaveState
 from bussim.engines.nn.status import LinkStatus
 
@@ -48,6 +50,32 @@ class Slave(LinkMonitor):
     def steady(self) -> bool:
         """Linked, the master not in error and no frame unfinished."""
         return self.state is SlaveState.LINKED and not self._alert and not self._reader.open
+
+    def in_step(self, master: Master) -> bool:
+        """Whether an ordinary scan of this master, whose data frame is due, is one for this slave, too."""
+        return (
+            self.steady
+            and self.pending < 0
+            and self._pending_counter != master.counter
+            and self.block_size == master.block_size
+            and not any(self.status.flags)
+        )
+
+    def pass_scans(self, scans: OrdinaryScans) -> None:
+        """Pass ordinary scans of a master with which it is in step."""
+        status, starts, latest = self.status, scans.starts, scans.latest
+        if self._data_start is not None and scans.counter == (self._data_counter + 1) & 15:
+            status.measured(int(starts[0]) - self._data_start, int(starts[0]))
+        status.measured_each(starts[:-1])
+        polled = int(scans.polled[-1, -1])
+        self.resume(
+            ReceptionState(
+                ~scans.slaves, latest, codes.NOT_IN_NETWORK, latest, polled, int(starts[-2]), latest
+            )
+        )
+        if self.config.station <= scans.slaves:
+            self.due_counter = self._sent_counter = latest
+            status.running = True
 
     # -- what the PLC does ---------------------------------------------------------------------
 
@@ -156,7 +184,7 @@ class Slave(LinkMonitor):
         self._sent_counter = counter
         if self._reader.length:
             self._reader.reset()
-        return self._data_frame(self.config.station, counter)
+        return self.data_frame(self.config.station, counter)
 
     def transmit_done(self, now: int) -> int:
         """The reply has left: its poll has its reply, as far as this station knows."""

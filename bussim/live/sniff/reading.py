@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import takewhile
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from bussim.line.characters import NN_LINE, CharFormat, LineTiming
 from bussim.live.arrival import Timed
@@ -114,6 +114,12 @@ class _Nothing:
         pass
 
     def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
+        pass
+
+    def ordinary_scans(self, bus: str, number: int, starts: Any, attempts: int) -> None:
+        pass
+
+    def refreshed_often(self, bus: str, source: int, ticks: Any, heard: Sequence[int] | None) -> None:
         pass
 
     def switched(self, bus: str, position: int, tick: int, fresh: int | None) -> None:

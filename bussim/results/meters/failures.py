@@ -238,6 +238,13 @@ class FailureMeter:
         if self._irregular:
             self._before = self._counted()
 
+    def ordinary_scans(self, number: int, end: int) -> None:
+        """So many link scans without errors ended, the last at ``end``; no exchange was failing."""
+        self._scans += number
+        self._scan_start = end
+        if self._irregular:
+            self._before = self._counted()
+
     def finish(self, duration: int) -> Failures:
         """All failures of a run of ``duration`` ticks."""
         for station, each in list(self._open.items()):
@@ -255,14 +262,13 @@ class FailureMeter:
         return Counter({key: each.number for key, each in self._irregular.items()})
 
     def _received(self, source: LinkMember, receiver: LinkMember) -> int:
-        pair = self._refresh.pair(self._bus, source.position, receiver.position)
-        return pair.gaps.count + (pair.last is not None)
+        return self._refresh.received(self._bus, source.position, receiver.position)[0]
 
     def _last_reply(self, station: int) -> int | None:
         me, master = self._by_number.get(station), self.master
         if me is None or master is None:
             return None
-        return self._refresh.pair(self._bus, me.position, master.position).last
+        return self._refresh.received(self._bus, me.position, master.position)[1]
 
     def _begin(self, station: int, tick: int) -> _Open:
         me, master = self._by_number.get(station), self.master
@@ -278,7 +284,7 @@ class FailureMeter:
         found.listening = frozenset(
             slave.number
             for slave in self._slaves
-            if (self._refresh.pair(self._bus, master.position, slave.position).last or 0) > self._scan_start
+            if (self._refresh.received(self._bus, master.position, slave.position)[1] or 0) > self._scan_start
         )
         found.heard = {each.number: self._received(master, each) for each in self._slaves}
         found.taken = {each.number: self._received(me, each) for each in self._slaves if each is not me}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bussim.results.meters.failures import FailureMeter, Failures, Times
 from bussim.results.meters.histogram import Histogram
@@ -13,6 +13,9 @@ from bussim.results.meters.plain_data import FLAT, UNKEPT, from_plain, named, to
 from bussim.results.meters.refresh import Refresh, RefreshMeter
 from bussim.results.meters.timeline import Cell, Span, Spans, Timeline
 from bussim.trace.records import LinkTotals, ScanRecord
+
+if TYPE_CHECKING:
+    import numpy as np
 
 #: The code of a slave to which a frame of the master came damaged (FX communication manual, chapter 4).
 MASTER_DAMAGED = 0x14
@@ -34,6 +37,16 @@ class ScanTimes:
             self.longest_at, self.longest_cause = scan.start, scan.cause
         self.histogram.add(scan.duration)
         self.last = scan.duration
+
+    def add_ordinary(self, starts: np.ndarray, durations: np.ndarray) -> None:
+        """Take in scans without errors."""
+        if len(durations):
+            slowest = int(durations.argmax())
+            longest = self.histogram.maximum
+            if longest is None or durations[slowest] > longest:
+                self.longest_at, self.longest_cause = int(starts[slowest]), ""
+            self.histogram.add_array(durations)
+            self.last = int(durations[-1])
 
 
 class Pairs(dict[tuple[str, str], Refresh]):
@@ -135,6 +148,17 @@ class LinkMeter:
         if self.flagged and not flagged:
             # A master that stops drops its flags without reporting each.
             self._flags_off(self.scans_end)
+
+    def scans(self, starts: np.ndarray) -> None:
+        """Count link scans without errors between these ticks, after one that came as a record."""
+        begun, durations = starts[:-1], starts[1:] - starts[:-1]
+        self.scan_times.add_ordinary(begun, durations)
+        if self.healthy_at is not None:
+            after = int(begun.searchsorted(self.healthy_at))
+            self.after_startup.add_ordinary(begun[after:], durations[after:])
+        self.timeline.add_array(begun, durations)
+        self.scans_end = int(starts[-1])
+        self.failures.ordinary_scans(len(durations), self.scans_end)
 
     def _flags_off(self, tick: int) -> None:
         self.flagged = False

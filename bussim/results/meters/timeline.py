@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from bussim.trace.records import NoteRecord
 from bussim.units import TICKS_PER_MS, seconds
+
+if TYPE_CHECKING:
+    import numpy as np
 
 #: Most cells of a timeline: more than a plot has columns.
 MOST_CELLS = 2048
@@ -45,6 +48,26 @@ class Timeline:
             self._double()
             column = start // self._width
         self._put(column, Cell(start, 1, duration, duration, duration))
+
+    def add_array(self, starts: np.ndarray, durations: np.ndarray) -> None:
+        """Take in scans."""
+        import numpy as np
+
+        if not len(starts):
+            return
+        while int(starts[-1]) // self._width >= MOST_CELLS:
+            self._double()
+        columns = starts // self._width
+        first = np.flatnonzero(columns[1:] != columns[:-1]) + 1
+        first = np.concatenate(([0], first))
+        cells = zip(
+            starts[first].tolist(),
+            np.diff(first, append=len(columns)).tolist(),
+            *(how.reduceat(durations, first).tolist() for how in (np.add, np.minimum, np.maximum)),
+            strict=True,
+        )
+        for column, cell in zip(columns[first].tolist(), cells, strict=True):
+            self._put(column, Cell(*cell))
 
     @property
     def cells(self) -> list[Cell]:

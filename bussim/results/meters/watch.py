@@ -57,6 +57,9 @@ class Watch:
         self.stale: list[tuple[str, str, int, int]] = []
         self._supply: dict[str, Spans] = {each.plc: Spans() for each in watched}
 
+    def ordinary_scans(self, bus: str, number: int, starts: Any, attempts: int) -> None:
+        """Ignore link scans."""
+
     def take(self, record: Record) -> None:
         """Keep a record if it is a new value of one of the devices, or of its PLC's supply."""
         if (

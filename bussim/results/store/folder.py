@@ -15,7 +15,6 @@ from bussim.errors import RunError, UsageError
 from bussim.files import LOCK, empty_folder, locked, not_written, reason, remove_folder
 from bussim.results.run_record import RunRecord
 from bussim.results.store.rows import FileRows
-from bussim.results.store.safe_names import file_names
 from bussim.results.store.tables import FORMATS, import_pyarrow
 from bussim.trace.records import TraceHeader
 
@@ -106,25 +105,15 @@ class RunFolder:
             raise RunError(f"{self.target}: writing failed: {reason(error)}") from error
 
     def finish(self, record: RunRecord, scenario: str) -> Path:
-        """Write summary, histograms, scenario and pictures, and move the folder to its target.
+        """Write summary, histograms and scenario, and move the folder to its target.
 
-        ``scenario`` is the text of the scenario as run. Returns the target.
+        ``scenario`` is the text of the scenario as run. Returns the target. Pictures are drawn into it
+        afterwards (:func:`bussim.results.pictures.draw_run`): they take longer than many a run.
         """
-        from bussim.results.plots.latency import latency_picture, measured
-        from bussim.results.plots.responses import masters, response_time_histogram
-        from bussim.results.plots.scan_times import scan_time_histogram
-
         self.rows.close()
         _write_json(self._part / SUMMARY, record.summary, indent=2)
         _write_json(self._part / HISTOGRAMS, record.histograms(), indent=None)
         (self._part / SCENARIO).write_text(scenario, encoding="utf-8", newline="\n")
-        for bus, stem in file_names(record.links).items():
-            if record.links[bus].scan_times.histogram.count:
-                scan_time_histogram([record], bus).save_both(self._part / f"scan_time_{stem}")
-        for node, stem in file_names(masters(record)).items():
-            response_time_histogram([record], node).save_both(self._part / f"response_time_{stem}")
-        for name, stem in file_names(measured(record)).items():
-            latency_picture([record], name).save_both(self._part / f"latency_{stem}")
         self._move()
         self._finished = True
         return self.target

@@ -7,13 +7,14 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from bussim.errors import UsageError
-from bussim.results.store.rows import FORMS, SCANS
+from bussim.results.store.rows import FORMS, SCANS, ordinary_records
 from bussim.results.store.tables import TEXT, Kind, Row
 from bussim.trace.codec import header_line, to_line
 from bussim.trace.file import Trace, trace_of
 from bussim.trace.records import Record, ScanRecord, TraceHeader
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas as pd
 
 
@@ -38,6 +39,11 @@ class MemoryRows:
             self._scans.append(SCANS.row(record))
         elif (rows := self._rows.get(type(record))) is not None:
             rows.append(FORMS[type(record)].columns.row(record))
+
+    def ordinary_scans(self, bus: str, number: int, starts: np.ndarray, attempts: int) -> None:
+        """Keep link scans without errors."""
+        for record in ordinary_records(bus, number, starts, attempts):
+            self.take(record)
 
     def table(self, kind: type[Record]) -> pd.DataFrame:
         """The table of a type of record. Raises UsageError if the run did not keep it."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bussim.results.meters.ports import response_time
 from bussim.results.store import tables as column
@@ -11,6 +12,9 @@ from bussim.results.store.tables import Columns, Table, open_table
 from bussim.trace import records
 from bussim.trace.file import TRACE, TraceWriter
 from bussim.trace.records import Record, ScanRecord, TraceHeader
+
+if TYPE_CHECKING:
+    import numpy as np
 
 # The columns of each table. One that is added must be of a kind whose value may be missing: it is in the
 # tables of earlier versions.
@@ -114,6 +118,13 @@ FORMS: dict[type[Record], Form] = {
 }
 
 
+def ordinary_records(bus: str, number: int, starts: np.ndarray, attempts: int) -> Iterator[ScanRecord]:
+    """The records of link scans without errors; see :meth:`bussim.trace.records.Sink.ordinary_scans`."""
+    ticks = starts.tolist()
+    for index, start in enumerate(ticks[:-1]):
+        yield ScanRecord(bus, number + index, start, ticks[index + 1] - start, attempts, 0, 0, "")
+
+
 class FileRows:
     """Writes records to a folder: tables if ``rows``, exchanges and trace.jsonl if ``traced``.
 
@@ -144,6 +155,11 @@ class FileRows:
         if form is not None:
             table = self._tables.get(kind) or self._open(kind, form)
             table.append(form.columns.row(record))
+
+    def ordinary_scans(self, bus: str, number: int, starts: np.ndarray, attempts: int) -> None:
+        """Write link scans without errors."""
+        for record in ordinary_records(bus, number, starts, attempts):
+            self.take(record)
 
     def close(self) -> None:
         """Finish all files."""

@@ -1,1 +1,1 @@
-"""The N:N link on its line: master and slaves, and the fast path for what nearly always happens."""
+"""The N:N link on its line: master and slaves, and whole link scans at once where nothing comes between."""

@@ -1,6 +1,6 @@
 """A station of the link as the parts of its bus see it.
 
-The bus, its reporter, the shared listener and the fast path are written for this class; the port that
+The bus, its reporter and the block path are written for this class; the port that
 completes it (:class:`bussim.sim.nn.link_port.LinkPort`) can therefore import the bus.
 """
 
@@ -10,6 +10,7 @@ from abc import abstractmethod
 
 from bussim.plc.link_registers import LinkEngine
 from bussim.plc.plc import Plc
+from bussim.plc.turnaround import Turnarounds
 from bussim.sim.wire.node import Node
 
 
@@ -23,13 +24,10 @@ class LinkStation(Node):
     @property
     @abstractmethod
     def undelayed(self) -> bool:
-        """Whether its frames leave when its engine asks for it, and its driver goes off at their end."""
+        """Whether its frames leave after its own turnaround alone, and its driver goes off at their end."""
 
-    @property
-    @abstractmethod
-    def longest_turnaround(self) -> int:
-        """The longest turnaround that can be drawn now, in ticks."""
+    turnarounds: Turnarounds
 
     @abstractmethod
-    def turnaround(self) -> int:
-        """Draw the next reply's turnaround, in ticks."""
+    def meet_deadline(self, now: int) -> None:
+        """Do what the engine does at its deadline, if that has come."""

@@ -26,7 +26,7 @@ class LinkPort(LinkStation):
         self.is_master = False
         self.reporter = bus.reporter
         self.replies_at_end = plc.profile.reply.at_end
-        self._turnarounds = Turnarounds(plc.profile.turnaround, streams, plc.name)
+        self.turnarounds = Turnarounds(plc.profile.turnaround, streams, plc.name)
         self._longest_turnaround = plc.profile.turnaround.longest
         # Replies that wait for an END: when each was ready, and its counter.
         self._waits: list[tuple[int, int]] = []
@@ -71,31 +71,31 @@ class LinkPort(LinkStation):
 
     # -- what the engine asks for ------------------------------------------------------------------
 
-    def _on_deadline(self, now: int) -> None:
-        if self not in self.bus.shared_listener.members:  # the bus has one watchdog for all members
-            super()._on_deadline(now)
+    def arm_deadline(self) -> None:
+        """Have the bus's timer watch over the engine's deadline."""
+        at = self.engine.deadline() if self.engine is not None else None
+        if at is not None:
+            self.bus.watch(max(at, self._kernel.now))
+
+    def meet_deadline(self, now: int) -> None:
+        """See the base class."""
+        at = self.engine.deadline() if self.engine is not None else None
+        if at is not None and at <= now and self.engine is not None:
+            self.handle(self.engine.on_deadline(now), now)
 
     # -- sending -----------------------------------------------------------------------------------
-
-    def turnaround(self) -> int:
-        """See the base class."""
-        return self._turnarounds.draw() + self.extra_turnaround
 
     @property
     def undelayed(self) -> bool:
         """See the base class."""
-        return not (self.jabbering or self.late_release or self.replies_at_end or self.tail)
-
-    @property
-    def longest_turnaround(self) -> int:
-        """See the base class."""
-        return self._longest_turnaround + self.extra_turnaround
+        delayed = self.jabbering or self.late_release or self.replies_at_end or self.extra_turnaround
+        return not (delayed or self.tail or self.pending)
 
     def schedule(self, at: int, counter: int) -> None:
         """Schedule a frame to be sent from ``at`` on; a slave adds its turnaround."""
         if not self.is_master:
             self._polled.append((at, counter))
-            at += self.turnaround()
+            at += self.turnarounds.draw() + self.extra_turnaround
             if self.replies_at_end:
                 self._waits.append((at, counter))
                 at = self.plc.cycle.next_end(at, self._kernel.now)
@@ -117,7 +117,7 @@ class LinkPort(LinkStation):
         counter = pending.pop(0)[2]
         if self._waits:
             self._waits.remove(next(wait for wait in self._waits if wait[1] == counter))
-        if self.is_master and bus.fast_path.exchange(self, now):
+        if self.is_master and bus.block_path.pass_scans(self, now):
             return
         if pending:
             self._start_timer.set(max(pending[0][0], now))

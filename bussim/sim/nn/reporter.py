@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from copy import deepcopy
 from dataclasses import dataclass, field
-from typing import assert_never
+from typing import TYPE_CHECKING, assert_never
 
 from bussim.engines.nn.codes import MEANINGS
 from bussim.engines.nn.events import (
@@ -36,6 +36,9 @@ from bussim.sim.nn.contract import LinkStation
 from bussim.sim.notes import Notes
 from bussim.trace.records import LATE_REPLY, AttemptRecord, ScanRecord, Sink
 from bussim.units import format_ms
+
+if TYPE_CHECKING:
+    import numpy as np
 
 
 @dataclass(slots=True)
@@ -143,6 +146,12 @@ class LinkReporter(Notes):
                 self.note(tick, "healthy", self._bus, "every slave replies and no flag is on")
             case _:
                 assert_never(event)
+
+    def ordinary_scans(self, port: LinkStation, starts: np.ndarray, attempts: int) -> None:
+        """Record link scans between data frames that began at these ticks, without errors."""
+        if port.name == self._primary and len(starts) > 1:
+            self._sink.ordinary_scans(self._bus, self._scans, starts, attempts)
+            self._scans += len(starts) - 1
 
     def _attempt(self, event: AttemptEnded) -> AttemptRecord:
         return AttemptRecord(

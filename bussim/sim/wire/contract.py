@@ -145,8 +145,8 @@ class Reading(NamedTuple):
     hints: int
 
 
-#: Nodes that receive whole frames; those that receive characters; how many the shared listener stands for.
-Listeners = tuple[tuple[tuple[LineNode, ReceiveFrame], ...], tuple[LineNode, ...], int]
+#: Nodes that receive whole frames; those that receive characters.
+Listeners = tuple[tuple[tuple[LineNode, ReceiveFrame], ...], tuple[LineNode, ...]]
 
 
 class Cable(ABC):
@@ -161,8 +161,6 @@ class Cable(ABC):
         self.disputed: Disputed = None
         self.ports: Sequence[LineNode] = []
         self._segments: list[int] = []
-        #: Nodes that receive through a shared listener (see :meth:`hand_over`).
-        self._represented: tuple[LineNode, ...] = ()
         self._listeners_by_position: dict[int, Listeners] = {}
         self._open_receivers = 0
 
@@ -218,16 +216,12 @@ class Cable(ABC):
         if found is None:
             whole: list[tuple[LineNode, ReceiveFrame]] = []
             single: list[LineNode] = []
-            members = self._represented
             for port in self._receivers_of(sender):
-                if port in members:
-                    continue
                 if port.nominal and sender.nominal and not port.receiver.is_open and port.understands(sender):
                     whole.append((port, port.engine.receive_frame))
                 else:
                     single.append(port)
-            shared = len(members) - (sender in members)
-            found = self._listeners_by_position[sender.position] = (tuple(whole), tuple(single), shared)
+            found = self._listeners_by_position[sender.position] = (tuple(whole), tuple(single))
         return found
 
     def _receivers_of(self, sender: LineNode) -> list[LineNode]:
@@ -263,7 +257,6 @@ class Transmission:
     cut = False
     silent = False  # nothing of it reaches the wire
     mistaken = False  # some receiver accepted it as another frame
-    shared = 0  # how many more nodes receive it, through the bus's shared listener
     listeners: tuple[tuple[LineNode, ReceiveFrame], ...] = ()
     _lows: dict[Bits, list[Interval]] | None = None
 

@@ -4,10 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from fractions import Fraction
+from typing import TYPE_CHECKING, NamedTuple
 
 from bussim.line.noise import BitNoise
+from bussim.line.random_streams import Uniforms
 from bussim.line.wave import edge_of
+from bussim.sim.kernel import NEVER
 from bussim.sim.wire.contract import Cable, Transmission
+
+if TYPE_CHECKING:
+    import numpy as np
 
 
 @dataclass(slots=True)
@@ -18,6 +25,20 @@ class PlacedNoise:
     position: int | None = None
     receiver: bool = False
 
+    def touches(self, sender: int) -> bool:
+        """Whether it acts on what a position sends: sent by its own, or received there from another."""
+        return self.position is None or (self.position == sender) is not self.receiver
+
+
+class FramesAhead(NamedTuple):
+    """Frames of one kind that a position will send; ``key`` is the name of the stream of their noise."""
+
+    sender: int
+    key: str
+    starts: np.ndarray
+    bits: int
+    bit: Fraction
+
 
 @dataclass(slots=True)
 class Loss:
@@ -27,7 +48,15 @@ class Loss:
     probability: float
     since: int
     until: int | None
-    draws: dict[int, Iterator[float]]
+    draws: dict[int, Uniforms]
+
+    def acts_on(self, position: int, now: int) -> bool:
+        """Whether a reply of a position that begins now may vanish."""
+        return (
+            self.position in (None, position)
+            and now >= self.since
+            and (self.until is None or now < self.until)
+        )
 
 
 @dataclass(slots=True)
@@ -96,17 +125,51 @@ class Disturber:
         self.replies_at_risk = bool(self._losses or self._drops)
         self._line.listeners_changed()
 
+    # -- frames that nothing touches ---------------------------------------------------------------
+
+    def calm_until(self, now: int) -> int:
+        """Until when only chance decides what is disturbed: the next begin or end of a window."""
+        if self._drops or self._frame_faults:
+            return now
+        losses = (at for loss in self._losses for at in (loss.since, loss.until))
+        edges = (*losses, *(noise.process.edge(now) for noise in self._noises))
+        return min((at for at in edges if at is not None and at > now), default=NEVER)
+
+    def replies_kept(self, position: int, now: int, most: int) -> int:
+        """How many of a position's next replies are sent: at most ``most``, before :meth:`calm_until`."""
+        for loss in self._losses:
+            if loss.acts_on(position, now):
+                most = loss.draws[position].before(loss.probability, most)
+        return most
+
+    def frames_kept(self, frames: FramesAhead, *, varying: bool) -> int:
+        """How many of a node's next frames of a kind are surely undamaged, as far as such noise goes."""
+        kept = len(frames.starts)
+        for noise in self._noises:
+            if noise.process.varies is varying and noise.touches(frames.sender):
+                kept = noise.process.calm(frames.key, frames.starts[:kept], frames.bits, frames.bit)
+        return kept
+
+    def pass_replies(self, position: int, now: int, count: int) -> None:
+        """So many replies of a position were sent."""
+        for loss in self._losses:
+            if loss.acts_on(position, now):
+                loss.draws[position].skip(count)
+
+    def pass_frames(self, frames: FramesAhead, count: int, now: int) -> None:
+        """So many of a node's frames of a kind were undamaged."""
+        for noise in self._noises:
+            if noise.touches(frames.sender):
+                noise.process.skip(frames.key, count, now)
+
     # -- replies -----------------------------------------------------------------------------------
 
     def reply_vanishes(self, position: int, now: int) -> bool:
         """Whether a reply of a position that is to begin now is never sent; asked once for each reply."""
         vanishes = False
         for loss in self._losses:
-            if loss.position not in (None, position) or now < loss.since:
-                continue
-            if loss.until is not None and now >= loss.until:
-                continue
-            vanishes |= next(loss.draws[position]) < loss.probability
+            if loss.acts_on(position, now):
+                vanishes |= next(loss.draws[position]) < loss.probability
         for drop in list(self._drops):
             if drop.position == position and not vanishes:
                 vanishes = True
@@ -134,8 +197,8 @@ class Disturber:
         indices = range(len(tx.chars) if tx.pauses else 0)
         pieces = [(edge_of(index, tx.timing, tx.start, tx.pauses), width) for index in indices]
         for noise in self._noises:
-            if noise.position is not None and (noise.position == sender.position) is noise.receiver:
-                continue  # tx noise: not the sender; rx noise: the receiver is itself the sender
+            if not noise.touches(sender.position):
+                continue
             hit = noise.process.inverted(tx.start, bits, bit, name, pieces)
             if hit:
                 tx.invert(noise.position if noise.receiver else None, hit)

@@ -81,11 +81,6 @@ class Line(Cable):
             if hints:
                 port.handle(hints, now)
 
-    @property
-    def undisturbed(self) -> bool:
-        """Whether nothing can damage a frame, every node receives whole ones, and none is traced."""
-        return not (self.disturber.active or self.sink.traced or self._open_receivers)
-
     # -- sending -----------------------------------------------------------------------------------
 
     def begin(self, port: LineNode, frame: WireFrame, now: int) -> Transmission:
@@ -100,9 +95,7 @@ class Line(Cable):
             return tx
         # The ordinary case: an undamaged frame on an idle line.
         self._busy_since = now
-        tx.listeners, single, tx.shared = self._listeners_by_position.get(port.position) or self.listeners_of(
-            port
-        )
+        tx.listeners, single = self._listeners_by_position.get(port.position) or self.listeners_of(port)
         if single:
             self._deliver_by_character(tx, single, now)
         self._on_wire.append(tx)
@@ -141,7 +134,7 @@ class Line(Cable):
         self._on_wire.remove(tx)
         self.count_driver_off(now)
         if self.sink.traced:
-            self._record(tx)
+            self.record(tx)
 
     def _drive(self, tx: Transmission, now: int, *, counted: bool = True) -> None:
         sender = tx.sender
@@ -150,7 +143,7 @@ class Line(Cable):
             self._overlap(tx, now, counted=counted)
         else:
             self._busy_since = now
-            whole, single, _ = self.listeners_of(sender)
+            whole, single = self.listeners_of(sender)
             if tx.corrupted:
                 self._deliver_by_character(tx, [port for port, _ in whole], now)
             else:
@@ -239,7 +232,7 @@ class Line(Cable):
         if frame is not None:
             self._deliver(frame, tx, now)
         if self.sink.traced:
-            self._record(tx)
+            self.record(tx)
         if self._open_receivers:
             for other in self.ports:
                 if other.receiver.is_open:
@@ -279,7 +272,7 @@ class Line(Cable):
         self.listeners_changed()
         self._replan_open(self.ports, now)
         if self.sink.traced:
-            self._record(tx)
+            self.record(tx)
 
     def _replan_open(self, ports: Iterable[LineNode], now: int) -> None:
         for port in ports:
@@ -376,7 +369,7 @@ class Line(Cable):
 
     # -- the trace ---------------------------------------------------------------------------------
 
-    def _record(self, tx: Transmission) -> None:
+    def record(self, tx: Transmission) -> None:
         """A frame is over; frames are recorded in this order, once it is known when drivers went off."""
         self._unrecorded.append(tx)
         self._record_released()

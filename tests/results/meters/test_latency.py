@@ -451,7 +451,7 @@ def test_a_record_survives_its_json() -> None:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("runs") / "run"
-    bussim.run(bussim.load("counter_preset", ["duration=6 s"]), out=folder)
+    bussim.run(bussim.load("counter_preset", ["duration=6 s"]), out=folder).save_plots()
     return folder
 
 

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from bussim.errors import UsageError
 from bussim.results.collector import Collector
+from bussim.results.pictures import draw_run
 from bussim.results.plots.responses import masters, response_time_histogram
 from bussim.results.plots.style import IN_ERROR
 from bussim.results.result import Result
@@ -143,6 +144,8 @@ def test_a_run_leaves_pictures_and_histograms(tmp_path: Path) -> None:
     with RunFolder(tmp_path / "run", rows=True, traced=False, fmt="csv") as folder:
         record = Feeder().run(rows=folder.rows)
         target = folder.finish(record, "schema: 1\n")
+    drawn = draw_run(record, target)
+    assert [path.name for path in drawn] == ["response_time_press1.COM3.png"]
     assert {path.name for path in target.iterdir()} == {
         "summary.json", "histograms.json", "scenario.yaml", "link_scans.csv", "modbus.csv", "free.csv",
         "values.csv", "response_time_press1.COM3.png", "response_time_press1.COM3.svg",

@@ -28,8 +28,6 @@ FILES = {
     "histograms.json",
     "scenario.yaml",
     "link_scans.csv",
-    "scan_time_link.png",
-    "scan_time_link.svg",
 }
 HERE = Path(__file__).parents[1]  # where the fakes are
 
@@ -197,16 +195,6 @@ def test_free_folders_are_numbered_and_stale_ones_used_again(tmp_path: Path) -> 
     assert (tmp_path / "run-4.incomplete" / "mine.txt").read_text() == "mine"
 
 
-def test_a_link_without_scans_has_no_picture(tmp_path: Path) -> None:
-    target = write(tmp_path / "run", fake=quiet(duration=10))
-    assert names(target) == FILES - {"scan_time_link.png", "scan_time_link.svg"}
-
-
-def test_a_bus_with_an_odd_name(tmp_path: Path) -> None:
-    target = write(tmp_path / "run", fake=quiet(duration=3 * TICKS_PER_SECOND, bus="a/b: 1"))
-    assert {"scan_time_a_b_1.png", "scan_time_a_b_1.svg"} < names(target)
-
-
 def test_an_unknown_format_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="'xlsx', allowed are csv and parquet"):
         write(tmp_path / "run", fmt="xlsx")
@@ -336,4 +324,4 @@ def test_killed_between_any_two_changes_of_the_disk(
                 path.unlink()
             target.rmdir()
     assert finished
-    assert allowed > 5
+    assert allowed > 2

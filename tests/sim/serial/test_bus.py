@@ -328,7 +328,7 @@ def _one_by_one(bus: SerialBus, sender: SerialNode) -> Listeners:
         for port in bus.ports
         if port is not sender and port.engine is not None and not port.driving and bus.connected(port, sender)
     ]
-    return (), tuple(hearers), 0
+    return (), tuple(hearers)
 
 
 def _chance(seed: int) -> model.Scenario:

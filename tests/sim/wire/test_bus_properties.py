@@ -124,14 +124,14 @@ def drivers(port: LinkPort) -> int:
 
 
 def assert_ordered(record: Recorder) -> None:
-    """Ticks never decrease from one call to the next of one method."""
+    """Ticks never decrease from one call to the next of one method, those of refreshes of each source."""
     for ticks in (
         [scan.start + scan.duration for scan in record.scans],
         [attempt.end for attempt in record.attempts],
         [frame.end for frame in record.frames],
         [tick for _, tick, _, _ in record.failures],
         [note.tick for note in record.notes],
-        [tick for _, _, tick, _ in record.refreshes],
+        *([tick for _, source, tick, _ in record.refreshes if source == position] for position in range(8)),
     ):
         assert ticks == sorted(ticks)
     driven: dict[str, int] = {}

@@ -1,0 +1,248 @@
+"""Many ordinary link scans at once, where nobody can come between.
+
+From the master's data frame on, as long as every station is in step, chance damages nothing, and SimPy's next
+event lies later, link scans are ordinary. How many follow is asked of the random streams, which are looked at
+without being taken from; the engines know when they happen and what they leave
+(:mod:`bussim.engines.nn.ordinary`). What else would have been done meanwhile is done here: draws are taken,
+frames counted, the blocks kept that some END may still ask for, records made. A run has the same results to
+the last byte with and without, which a test compares.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+from bussim.engines.nn.events import AttemptEnded
+from bussim.engines.nn.frames import DATA, KIND_NAMES, POLL, POLL_CHARS, data_chars, encode_poll
+from bussim.engines.nn.master import Master
+from bussim.engines.nn.ordinary import OrdinaryScans, ordinary_scans
+from bussim.engines.nn.slave import Slave
+from bussim.sim.kernel import Kernel
+from bussim.sim.nn.contract import LinkStation
+from bussim.sim.wire.contract import Transmission
+from bussim.sim.wire.disturber import FramesAhead
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from bussim.engines.nn.frames import Frame
+    from bussim.sim.nn.bus import LinkBus
+
+#: Most scans of one block: a compromise of memory and speed.
+_MOST = 1024
+
+
+class _Stations(NamedTuple):
+    """The stations of a link in step: the slaves that are polled in order, and all that receive."""
+
+    port: LinkStation
+    master: Master
+    polled: list[LinkStation]
+    slaves: list[Slave]
+    receiving: list[LinkStation]
+
+
+class BlockPath:
+    """The blocks of one bus."""
+
+    def __init__(self, bus: LinkBus, kernel: Kernel) -> None:
+        self._bus = bus
+        self._kernel = kernel
+        self._poll = POLL_CHARS * bus.character
+        self._bit = bus.timing.bit
+
+    def pass_scans(self, port: LinkStation, now: int) -> bool:
+        """Do the ordinary scans that a master begins now; False: nothing was done."""
+        bus, kernel, master = self._bus, self._kernel, port.engine
+        if not bus.in_blocks or type(master) is not Master or not master.ordinary:
+            return False
+        stations = self._in_step(port, master)
+        if stations is None:
+            return False
+        bus.unwatch()
+        until = min(kernel.next(), bus.disturber.calm_until(now))
+        scans = self._scans(stations, now, until)
+        if scans is not None:
+            self._pass(stations, scans, now)
+        bus.rewatch()
+        return scans is not None
+
+    # -- how far -----------------------------------------------------------------------------------
+
+    def _in_step(self, port: LinkStation, master: Master) -> _Stations | None:
+        """The stations, if every one is ready for an ordinary scan."""
+        if self._bus.drivers or not self._bus.whole:
+            return None
+        by_station: dict[int, LinkStation] = {}
+        slaves: list[Slave] = []
+        receiving: list[LinkStation] = []
+        for other in self._bus.ports:
+            engine = other.engine
+            if engine is None:
+                continue
+            if not (other.nominal and other.undelayed):
+                return None
+            receiving.append(other)
+            if other is port:
+                continue
+            if not isinstance(engine, Slave) or not engine.in_step(master):
+                return None
+            by_station[engine.config.station] = other
+            slaves.append(engine)
+        numbers = range(1, master.config.settings.slaves + 1)
+        if len(by_station) < len(slaves) or not by_station.keys() >= set(numbers):
+            return None
+        return _Stations(port, master, [by_station[number] for number in numbers], slaves, receiving)
+
+    def _scans(self, stations: _Stations, now: int, until: int) -> OrdinaryScans | None:
+        """The ordinary scans from now on whose last reply ends before ``until``, in one block; None: none."""
+        import numpy as np
+
+        disturber, config, polled = self._bus.disturber, stations.master.config, stations.polled
+        data = data_chars(config.settings.mode) * self._bus.character
+        shortest, longest = ([turnaround(port) for port in polled] for turnaround in (_shortest, _longest))
+        least = data + sum(shortest) + len(polled) * (config.gap + self._poll + data)
+        # From one frame of the master to the next: the reply between them, or the last one and what follows.
+        silence = max(longest) + data + max(config.gap + self._poll, config.overhead + config.gap + data)
+        if (
+            now + least >= until
+            or max(longest) + data > config.timeout
+            or silence >= min(slave.watchdog for slave in stations.slaves)
+        ):
+            return None
+        most = min(_MOST, (until - now) // least + 1)
+        for port in polled:
+            most = disturber.replies_kept(port.position, now, most)
+        if disturber.active:
+            starts = np.broadcast_to(np.int64(now), most)
+            most = self._kept(stations, [starts] * (1 + 2 * len(polled)), varying=False)
+        if not most:
+            return None
+        turnarounds = np.array([port.turnarounds.ahead(most) for port in polled])
+        scans = ordinary_scans(config, stations.master.counter, now, turnarounds, self._poll, data)
+        most = int(scans.replied[-1].searchsorted(until))
+        if disturber.active and most:
+            most = self._kept(stations, _starts(scans.first(most)), varying=True)
+        return scans.first(most) if most else None
+
+    def _kept(self, stations: _Stations, starts: Sequence[np.ndarray], *, varying: bool) -> int:
+        """In how many scans no frame is damaged, by noise whose rate varies, or else does not."""
+        most = len(starts[0])
+        for frames in self._frames(stations, starts):
+            coming = frames._replace(starts=frames.starts[:most])
+            most = self._bus.disturber.frames_kept(coming, varying=varying)
+            if not most:
+                break
+        return most
+
+    def _frames(self, stations: _Stations, starts: Sequence[np.ndarray]) -> list[FramesAhead]:
+        """The frames of each scan in order, from the master's data frame on, which begin at ``starts``."""
+        bus, port = self._bus, stations.port
+        timing = bus.timing
+        data = data_chars(stations.master.config.settings.mode) * timing.format.bits
+        poll = POLL_CHARS * timing.format.bits
+        frames = [(port, DATA, 0, data)]
+        for station, other in enumerate(stations.polled, 1):
+            frames += [(port, POLL, station, poll), (other, DATA, station, data)]
+        return [
+            FramesAhead(sender.position, f"{sender.name} {KIND_NAMES[kind]} {station}", at, bits, self._bit)
+            for (sender, kind, station, bits), at in zip(frames, starts, strict=True)
+        ]
+
+    # -- what remains ------------------------------------------------------------------------------
+
+    def _pass(self, stations: _Stations, scans: OrdinaryScans, now: int) -> None:
+        port, master, polled, slaves, _ = stations
+        bus, number = self._bus, scans.number
+        bus.frames += number * (1 + 2 * scans.slaves)
+        bus.busy += number * (scans.data + scans.slaves * (scans.poll + scans.data))
+        for other in polled:
+            other.turnarounds.skip(number)
+            bus.disturber.pass_replies(other.position, now, number)
+        if bus.disturber.active:
+            for frames in self._frames(stations, _starts(scans)):
+                bus.disturber.pass_frames(frames, number, now)
+        for slave in slaves:
+            slave.pass_scans(scans)
+        self._record(stations, scans, now)
+        self._kernel.now = scans.end
+        port.handle(master.pass_scans(scans), scans.end)
+        if self._kernel.chained is not None:  # each block is an event, so that others may look in between
+            self._kernel.chained.unchain()
+
+    def _record(self, stations: _Stations, scans: OrdinaryScans, now: int) -> None:
+        """Keep the blocks that some END may still ask for, and tell what has happened."""
+        port, master, polled, _, receiving = stations
+        bus, reporter = self._bus, self._bus.reporter
+        missed = [other.position for other in bus.ports if other not in receiving]
+        # The first scan begins: the one before is over.
+        master.image = port.plc.image_at(now)
+        frame = master.begin_transmit(now)
+        if bus.sink.traced:
+            self._trace(stations, scans, frame, missed)
+        else:
+            port.drain(now + scans.data)
+            reporter.ordinary_scans(port, scans.starts[:-1], scans.slaves)
+        took = [other.position for other in receiving] if missed else None
+        begun = (scans.starts[:-1], *scans.replies)
+        for station, (sender, starts) in enumerate(zip((port, *polled), begun, strict=True)):
+            ticks = starts + scans.data
+            if not bus.sink.traced:
+                # From the latest on that every END to come finds: no scan of a PLC lasts longer.
+                found = ticks.searchsorted(scans.end - bus.block_history.horizon, side="right")
+                for index in range(max(0, int(found) - 1), scans.number):
+                    image = sender.plc.image_at(int(starts[index]))
+                    bus.block_history.received(station, int(ticks[index]), image, missed)
+                assert sender.engine is not None  # noqa: S101 - narrows the type; every station has one
+                sender.engine.image = image
+            heard = None if took is None else [each for each in took if each != sender.position]
+            bus.sink.refreshed_often(bus.name, sender.position, ticks, heard)
+
+    def _trace(self, stations: _Stations, scans: OrdinaryScans, frame: Frame, missed: Sequence[int]) -> None:
+        """Record every frame and attempt, and keep every block, in the order in which they come."""
+        port, master, polled, _, _ = stations
+        for index in range(scans.number):
+            start, counter = int(scans.starts[index]), scans.counter + index & 15
+            if index:
+                master.image = port.plc.image_at(start)
+                frame = master.data_frame(0, counter)
+            self._sent(port, frame, start, missed)
+            if not index:
+                port.drain(start + scans.data)
+            else:
+                self._bus.reporter.ordinary_scans(port, scans.starts[index - 1 : index + 1], scans.slaves)
+            for station, slave in enumerate(polled, 1):
+                polled_at = int(scans.polled[station - 1, index])
+                asked, begun = polled_at - scans.poll, int(scans.replies[station - 1, index])
+                self._sent(port, encode_poll(station, counter), asked, missed)
+                over = begun + scans.data
+                attempt = AttemptEnded(asked, polled_at, begun, over, station, 1, 0)
+                self._bus.reporter.engine_event(port, attempt, over)
+                engine = slave.engine
+                assert engine is not None  # noqa: S101 - narrows the type; every station has one
+                engine.image = slave.plc.image_at(begun)
+                self._sent(slave, engine.data_frame(station, counter), begun, missed)
+
+    def _sent(self, sender: LinkStation, frame: Frame, start: int, missed: Sequence[int]) -> None:
+        bus, chars = self._bus, frame.chars
+        end = start + len(chars) * bus.character
+        if frame.kind == DATA:
+            bus.block_history.received(frame.station, end, frame.data, missed)
+        bus.record(Transmission(sender, frame, chars, start, end, sender.timing))
+
+
+def _shortest(port: LinkStation) -> int:
+    return port.turnarounds.shortest
+
+
+def _longest(port: LinkStation) -> int:
+    return port.turnarounds.longest
+
+
+def _starts(scans: OrdinaryScans) -> list[np.ndarray]:
+    """The first edges of the frames of each scan, in order."""
+    rows = [scans.starts[:-1]]
+    for polled, replies in zip(scans.polled, scans.replies, strict=True):
+        rows += [polled - scans.poll, replies]
+    return rows

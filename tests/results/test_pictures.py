@@ -1,0 +1,50 @@
+"""The pictures of a run's folder."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import bussim
+from bussim.errors import UsageError
+from bussim.results.pictures import draw_run
+from bussim.units import TICKS_PER_SECOND
+from tests.results.fakes import quiet
+
+pytestmark = pytest.mark.usefixtures("pictures_undrawn")
+
+
+def test_a_bus_with_an_odd_name(tmp_path: Path) -> None:
+    drawn = draw_run(quiet(duration=3 * TICKS_PER_SECOND, bus="a/b: 1").run(), tmp_path)
+    assert drawn == [tmp_path / "scan_time_a_b_1.png"]
+    assert {path.name for path in tmp_path.iterdir()} == {"scan_time_a_b_1.png", "scan_time_a_b_1.svg"}
+
+
+def test_a_link_without_scans_has_no_picture(tmp_path: Path) -> None:
+    assert draw_run(quiet(duration=10).run(), tmp_path) == []
+    assert not [*tmp_path.iterdir()]
+
+
+def test_a_run_from_python_draws_when_it_is_asked(tmp_path: Path) -> None:
+    scenario = bussim.load("two_stations", ["duration=1 s"])
+    with pytest.raises(UsageError, match="has no folder for pictures; run it with out="):
+        bussim.run(scenario).save_plots()
+    result = bussim.run(scenario, out=tmp_path / "run")
+    assert not [*(tmp_path / "run").glob("*.png")]
+    assert result.save_plots() == [tmp_path / "run" / "scan_time_link.png"]
+
+
+def test_without_pictures_nothing_of_matplotlib_is_imported(tmp_path: Path) -> None:
+    code = (
+        "import sys; from bussim.cli import main; code = main(['run', 'two_stations', '--duration', '1s',"
+        "'--no-plots', '--out', 'o']); sys.exit(code or int('matplotlib' in sys.modules))"
+    )
+    root = str(Path(__file__).parents[2])
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env={"PYTHONPATH": root}, check=False)
+    assert done.returncode == 0
+    assert {path.name for path in (tmp_path / "o").iterdir()} == {
+        "summary.json", "histograms.json", "scenario.yaml", "link_scans.csv"
+    }  # fmt: skip
