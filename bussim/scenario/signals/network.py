@@ -33,7 +33,8 @@ from bussim.plc.program.text.ladder import (
 from bussim.plc.program.text.operand_checks import READ_ONLY_BITS, Extent, extents
 from bussim.scenario.model import Plc
 
-_LAST = 8255
+#: More devices than any letter has: R of an FX3U goes to R32767.
+_MARKS = 32768
 #: Jumps past a rung that are looked at, the latest ones.
 MAX_PAST = 16
 
@@ -66,7 +67,7 @@ class Marks(dict[str, bytearray]):
     """Devices of one PLC by letter, 1 for those reached. T and C are contact and current value at once."""
 
     def __init__(self, rungs: int) -> None:
-        super().__init__({letter: bytearray(_LAST + 1) for letter in "XYMSTCDZ"})
+        super().__init__({letter: bytearray(_MARKS) for letter in "XYMSTCDRZ"})
         self["V"] = self["Z"]  # a pair of 32 bits has both names
         self[""] = bytearray(rungs)
 
@@ -160,7 +161,7 @@ class Network:
         found[source.name][start.letter[0]][start.address] = 1
         for marks in found.values() if specials else ():
             for letter in "MD":
-                marks[letter][FIRST_SPECIAL:] = b"\1" * (_LAST + 1 - FIRST_SPECIAL)
+                marks[letter][FIRST_SPECIAL:] = b"\1" * (_MARKS - FIRST_SPECIAL)
             for address in READ_ONLY_BITS:
                 marks["M"][address] = 0
         moved = True

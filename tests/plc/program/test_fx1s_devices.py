@@ -5,10 +5,12 @@ from __future__ import annotations
 import pytest
 
 from bussim.errors import ProgramError, ScenarioError
-from bussim.plc.memory import Family, device_ranges, latched_problem, parse_device
+from bussim.plc.memory import Device, Family, Memory, device_ranges, latched_problem, parse_device
 from bussim.plc.profiles import PROFILES
+from bussim.plc.program.execution import ProgramRun
 from bussim.plc.program.program import Program
 from bussim.scenario.loader import loads
+from bussim.units import TICKS_PER_MS
 
 #: By the ends of the ranges that FX programming, chapter 4, gives: a line with {}, the last and the next.
 ENDS = [
@@ -40,6 +42,20 @@ def test_each_range_ends_where_the_manual_says(line: str, last: str, beyond: str
     assert parsed(line.format(beyond), Family.FX2N)
     with pytest.raises(ProgramError, match=f"{beyond}: an FX1S lacks it, allowed {beyond[0]}0–"):
         parsed(line.format(beyond), Family.FX1S)
+
+
+@pytest.mark.parametrize(("timer", "unit"), [(0, 100), (31, 100), (32, 100), (62, 100), (63, 1)])
+def test_its_last_timer_is_one_of_1_ms(timer: int, unit: int) -> None:
+    """FX programming, 4.9: T0–T62 of 100 ms (T32–T62 of 10 ms under M8028, not simulated), T63 of 1 ms."""
+    memory = Memory()
+    text = f"LD M8000\nOUT T{timer} K3\nEND"
+    run = ProgramRun(Program.parse(text, "p", family=Family.FX1S), memory)
+    run.run(0)
+    shown = []
+    for ms in (0, unit, 2 * unit, 3 * unit):
+        run.scan(ms * TICKS_PER_MS)
+        shown.append((memory.word("T", timer), memory.get(Device("T", timer))))
+    assert shown == [(0, 0), (1, 0), (2, 0), (3, 1)]
 
 
 def test_what_reaches_past_an_end_is_refused_too() -> None:

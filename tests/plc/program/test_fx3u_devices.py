@@ -150,3 +150,27 @@ def test_a_coil_with_an_index() -> None:
     assert "cannot have an index register" in str(problems("LD X0\nSET M0Z0\nEND"))
     # Two coils with an index are no two coils of one device.
     assert not Program.parse("LD X0\nOUT M0Z0\nLD X1\nOUT M0Z1\nEND", "p", family=Family.FX3U).warnings
+
+
+@pytest.mark.parametrize("device", ["M7679", "M8500", "S4095", "R0.{}", "R32767.{}", "D8500.{}", "D8500.3"])
+def test_a_signal_is_followed_through_all_of_them(device: str) -> None:
+    bit, word = device.partition(".")[::2]
+    text = f"LD X0\nMOV K1 {bit}\nLD= {bit} K1\n" if word == "{}" else f"LD X0\nOUT {device}\nLD {device}\n"
+    for last, said in (("Y0", []), ("Y1", ["nothing leads from p.X0 to p.Y1"])):
+        found = loads(LATENCY.format(program=text.replace("\n", "\n      "), last=last))
+        assert [str(each) for each in found.warnings if "leads" in str(each)] == said
+
+
+LATENCY = """
+schema: 1
+name: x
+duration: 1 s
+plcs:
+  - name: p
+    profile: fx3u
+    inputs: {{X0: {{square: 700 ms}}}}
+    program: |
+      {program}OUT Y0
+      END
+latency: [{{from: p.X0, to: p.{last}}}]
+"""

@@ -48,6 +48,7 @@ def test_nothing_behind_such_a_text_is_lost() -> None:
         ("LD SM400", "it is one of an FX5 or Q series"),
         ("MOV K1 ZR100", "it is one of an FX5 or Q series"),
         ("OUT T0 5", "did you mean K5?"),
+        ("TON T0 K5", "did you mean OUT?"),
     ],
 )
 def test_what_other_makes_and_series_call_it(text: str, says: str) -> None:
@@ -86,3 +87,14 @@ def test_other_texts_are_asked_for_their_mark(line: str) -> None:
     with pytest.raises(ProgramError) as caught:
         Program.parse("LD X0\nMOV K1 D99999\nEND", "p")
     assert "comment" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "line", ["OUT T0 SP K5", "OUT T 0\nSP K 5", "3 OUT T0\n  SP K5", "OUT SP T 0 SP K 5"]
+)
+def test_the_key_sp_of_a_handheld_programmer_stands_for_a_blank(line: str) -> None:
+    program = Program.parse(f"LD X0\n{line}\nMOV SP K5 SP D0\nEND", "p")
+    assert [[each.text for each in at.operands] for at in program.instructions[1:3]] == [
+        ["T0", "K5"],
+        ["K5", "D0"],
+    ]

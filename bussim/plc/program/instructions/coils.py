@@ -20,7 +20,7 @@ is no edge after it.
 
 from __future__ import annotations
 
-from bussim.plc.memory import FIRST_LONG_COUNTER
+from bussim.plc.memory import FIRST_LONG_COUNTER, Family
 from bussim.plc.program.compiled.access import value_reader, word_of
 from bussim.plc.program.machine import Act, Machine, Take
 from bussim.plc.program.text.catalog import Instruction
@@ -29,6 +29,7 @@ from bussim.units import TICKS_PER_MS
 
 #: The first timer of each kind and its unit in ms; T246–T255 keep their value (FX programming manual).
 _UNITS = ((256, 1), (250, 100), (246, 1), (200, 10), (0, 100))
+_FX1S_UNITS = ((63, 1), (0, 100))
 RETENTIVE_TIMERS = range(246, 256)
 #: Timers for subroutines, which close at END; those that go on while their OUT is left out.
 SUBROUTINE_TIMERS = range(192, 200)
@@ -39,9 +40,10 @@ _LONG = 1 << 32
 _LONG_HALF = 1 << 31
 
 
-def unit_of(timer: int) -> int:
+def unit_of(timer: int, family: Family) -> int:
     """A timer's unit in ticks."""
-    return next(unit for first, unit in _UNITS if timer >= first) * TICKS_PER_MS
+    units = _FX1S_UNITS if family is Family.FX1S else _UNITS
+    return next(unit for first, unit in units if timer >= first) * TICKS_PER_MS
 
 
 def bind(machine: Machine, at: Instruction) -> Take:
@@ -50,7 +52,7 @@ def bind(machine: Machine, at: Instruction) -> Take:
     if at.spec.name == "RST":
         return _reset_coil(machine, device.letter, device.address)
     if device.kind == "T":
-        return _timer(machine, device.address, at.operands[1])
+        return _timer(machine, device, at.operands[1])
     count = _long_counter if device.address >= FIRST_LONG_COUNTER else _counter
     return count(machine, device.address, at.operands[1])
 
@@ -85,12 +87,13 @@ def reset(machine: Machine, letter: str, first: int, last: int) -> Act:
 # -- timers and counters ---------------------------------------------------------------------------
 
 
-def _timer(machine: Machine, number: int, preset: Operand) -> Take:
+def _timer(machine: Machine, device: Operand, preset: Operand) -> Take:
+    number = device.address
     contacts, values = machine.bits["T"], machine.words["T"]
     driven, pulses, held = machine.timer_scan, machine.timer_pulse, machine.held["T"]
     now, scan, going = machine.now, machine.scan, machine.going
     presets, index = word_of(machine, preset)
-    unit = unit_of(number)
+    unit = unit_of(number, device.family)
     retentive = number in RETENTIVE_TIMERS
     goes_on = number in _GOING_ON
 

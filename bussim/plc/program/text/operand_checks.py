@@ -112,7 +112,7 @@ def _value_problem(name: str, form: Form, slot: Slot, operand: Operand) -> str |
             instead = "use the D form" if "D" in form.spec.forms else f"allowed C0–C{FIRST_LONG_COUNTER - 1}"
             return f"{name}: {text} has 32 bits; {instead}"
     elif name in ("PLS", "PLF") and kind == "M" and address >= 8000:
-        return f"{name}: {text} is a special bit, allowed Y and M0–M3071"
+        return f"{name}: {text} is a special bit, allowed Y and M without specials"
     return None
 
 

@@ -6,7 +6,7 @@ instruction, as programming tools print them. ``;``, ``//``, ``#`` and ``'`` beg
 in Chinese, Japanese or Korean with no instruction behind it, and a line's first ``*``; ``(* … *)`` and
 ``/* … */`` hold one. Capitals or not, of full width or not makes no difference; between a device's letter
 and its number may be blanks (``X 0``), in front of a comparison's sign too (``LD = D0 K1``), behind it none
-(``LD=D0 K1``), and a handheld programmer's SP in front of a preset (``OUT T0 SP K50``). Several instructions
+(``LD=D0 K1``), and a handheld programmer's key SP between operands (``OUT T0 SP K50``). Several instructions
 may stand on a line. Step numbers that are not those of the instructions are warned of: a list that was
 edited keeps its old ones. Only where lines have several must they rise, for a list printed in columns is read
 downwards.
@@ -207,8 +207,6 @@ class Source:
             self._finish()
             head, *rest = rest
         name = head.text.upper()
-        if name == "OUT" and len(rest) > 1 and rest[1].text.upper() == "SP":
-            del rest[1]
         if rest and rest[0].text in _SIGNS and name + rest[0].text in FORMS:
             name, rest = name + rest[0].text, rest[1:]
         form, effect = FORMS.get(name), effect_of(name) if self._skip else None
@@ -297,7 +295,6 @@ def _without_text(number: int, line: str) -> list[_Word]:
     (_, *operands), name = words[names[-1] :], words[names[-1]].text.upper()
     if operands and operands[0].text in _SIGNS:
         name += operands.pop(0).text
-    operands = [word for word in operands if word.text.upper() != "SP"]
     for at, word in enumerate(operands):
         if not _Statement(name, word, FORMS.get(name), operands[:at]).takes(word):
             return words[: words.index(word)]
@@ -310,6 +307,8 @@ def _joined(number: int, line: str) -> list[_Word]:
     end = 0
     for match in _TOKEN.finditer(line):
         text, start = match.group(), match.start()
+        if text.upper() == "SP":
+            continue
         last = words[-1] if words else None
         if (
             last is not None

@@ -10,7 +10,7 @@ from bussim.wording import nearest, shorten
 
 #: Names that others give to instructions.
 _ELSEWHERE = {
-    **dict.fromkeys(("TMR", "CNT", "TIM", "ST", "="), "OUT"),
+    **dict.fromkeys(("TMR", "CNT", "TIM", "TON", "CTU", "ST", "="), "OUT"),
     **dict.fromkeys(("LDN", "LDNOT", "STR"), "LDI"),
     **dict.fromkeys(("ANDI", "ANDN", "AN"), "ANI"),
     **dict.fromkeys(("ORN", "ON"), "ORI"),
