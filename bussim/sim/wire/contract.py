@@ -13,7 +13,8 @@ from typing import Any, NamedTuple, Protocol
 from bussim.engines.contract import RxChar
 from bussim.line.characters import LineTiming
 from bussim.line.contention import Disputed
-from bussim.line.wave import Interval, Pause, low_intervals, paused
+from bussim.line.uart import Sampled
+from bussim.line.wave import Interval, Pause, Wave, low_intervals, paused
 
 Bits = tuple[int, ...]
 #: An engine's ``receive_frame``. What it takes is a frame of its own protocol; a line passes it no other.
@@ -258,6 +259,8 @@ class Transmission:
     silent = False  # nothing of it reaches the wire
     mistaken = False  # some receiver accepted it as another frame
     listeners: tuple[tuple[LineNode, ReceiveFrame], ...] = ()
+    # Of receivers that it reaches alike: until when it is driven, their wave, what they have read of it.
+    sampled: tuple[int, Wave, dict[int, Sampled | None]] | None = None
     _lows: dict[Bits, list[Interval]] | None = None
 
     def __init__(

@@ -40,6 +40,7 @@ class Receiver:
         self.heard_at = -1
         self._parts: list[_Part] = []
         self._wave = Wave(())
+        self._sampled: dict[int, Sampled | None] = {}  # what was read of it, by when the receiver was ready
         self._ready = 0
         self._last_end = 0
         self._next: Sampled | None = None
@@ -126,10 +127,25 @@ class Receiver:
         ready = self._ready
         if len(parts) > 1:
             parts[:] = [p for p in parts if (p.tx.driven_until if p.until is None else p.until) > ready]
-        self._wave = Wave([line_lows([self._driver(part) for part in parts], self._port.line.disputed)])
+        self._wave, self._sampled = self._shared() or (self._wave_of_parts(), {})
         self._plan()
         while self._next is not None and self._next.end <= now and self.is_open:
             self._deliver()
+
+    def _wave_of_parts(self) -> Wave:
+        return Wave([line_lows([self._driver(part) for part in self._parts], self._port.line.disputed)])
+
+    def _shared(self) -> tuple[Wave, dict[int, Sampled | None]] | None:
+        """The wave of the one transmission that reaches this node as others, and what they read of it."""
+        part = self._parts[0] if len(self._parts) == 1 else None
+        if part is None or part.until is not None or part.since > part.tx.start or not self._port.nominal:
+            return None
+        tx = part.tx
+        if tx.rx_flips is not None and self._port.position in tx.rx_flips:
+            return None
+        if tx.sampled is None or tx.sampled[0] != tx.driven_until:
+            tx.sampled = (tx.driven_until, self._wave_of_parts(), {})
+        return tx.sampled[1:]
 
     def _driver(self, part: _Part) -> Driver:
         """A part's driver, as far as it reaches this node."""
@@ -144,7 +160,10 @@ class Receiver:
         return end if part.until is None else min(end, part.until)
 
     def _plan(self) -> None:
-        self._next = self._uart.next_character(self._wave, self._ready)
+        ready, sampled = self._ready, self._sampled
+        if ready not in sampled:
+            sampled[ready] = self._uart.next_character(self._wave, ready)
+        self._next = sampled[ready]
         if self._next is None:
             self._char_timer.cancel()
         else:
