@@ -72,7 +72,9 @@ class Counting(Collector):
     @property
     def scans(self) -> int:
         """Link scans that have ended."""
-        return self._link("link").scan_times.histogram.count
+        link = self._link("link")
+        link.count()
+        return link.scan_times.histogram.count
 
 
 class Run:

@@ -268,7 +268,7 @@ class Master(NnEngine[MasterEvent]):
         The next data frame is due then. That all but the last of these scans ended is not reported.
         """
         starts, slaves = scans.starts, scans.slaves
-        self.status.measured_each(starts[:-1])
+        self.status.measured_each(scans.measured)
         self._scan_start = int(starts[-2])
         self._scans += scans.number - 1
         self._scan_attempts = slaves

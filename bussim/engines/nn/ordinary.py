@@ -7,7 +7,9 @@ by one. Times are ticks, in arrays of numpy.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import numpy as np
@@ -15,7 +17,8 @@ if TYPE_CHECKING:
     from bussim.engines.nn.master import MasterConfig
 
 
-class OrdinaryScans(NamedTuple):
+@dataclass(frozen=True)
+class OrdinaryScans:
     """When some link scans in a row happen. Slave ``k`` has row ``k - 1``, each scan a column.
 
     ``starts`` has one entry more: the first edge of the master's data frame after the last scan.
@@ -40,15 +43,26 @@ class OrdinaryScans(NamedTuple):
         """The counter of the last one."""
         return (self.counter + self.number - 1) & 15
 
-    @property
+    @cached_property
+    def measured(self) -> tuple[int, int, int] | None:
+        """Of all scans but the last: the longest, when it ended, and the latest; None where it is alone."""
+        durations = self.starts[1:-1] - self.starts[:-2]
+        if not len(durations):
+            return None
+        longest = int(durations.argmax())
+        return int(durations[longest]), int(self.starts[longest + 1]), int(durations[-1])
+
+    @cached_property
     def end(self) -> int:
         """When the last reply has been received."""
         return int(self.replied[-1, -1])
 
     def first(self, number: int) -> OrdinaryScans:
         """The first ones of them."""
-        parts = (times[:, :number] for times in self[5:])
-        return OrdinaryScans(*self[:4], self.starts[: number + 1], *parts)
+        parts = (times[:, :number] for times in (self.polled, self.replies, self.replied))
+        return OrdinaryScans(
+            self.counter, self.slaves, self.poll, self.data, self.starts[: number + 1], *parts
+        )
 
 
 def ordinary_scans(

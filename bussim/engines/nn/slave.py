@@ -66,7 +66,7 @@ class Slave(LinkMonitor):
         status, starts, latest = self.status, scans.starts, scans.latest
         if self._data_start is not None and scans.counter == (self._data_counter + 1) & 15:
             status.measured(int(starts[0]) - self._data_start, int(starts[0]))
-        status.measured_each(starts[:-1])
+        status.measured_each(scans.measured)
         polled = int(scans.polled[-1, -1])
         self.resume(
             ReceptionState(

@@ -5,12 +5,7 @@ D8201–D8218 and M8183–M8191: PW10 board manual, section 7.5.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from bussim.engines.nn.codes import COUNT_LIMIT
-
-if TYPE_CHECKING:
-    import numpy as np
 
 STATIONS = 8
 
@@ -43,13 +38,11 @@ class LinkStatus:
         self.flags[station] = True
         return new
 
-    def measured_each(self, starts: np.ndarray) -> None:
-        """The link scans between these starts of data frames were measured, one after the other."""
-        if len(starts) > 1:
-            durations = starts[1:] - starts[:-1]
-            longest = int(durations.argmax())
-            self.measured(int(durations[longest]), int(starts[longest + 1]))
-            self.current = int(durations[-1])
+    def measured_each(self, measured: tuple[int, int, int] | None) -> None:
+        """Several link scans were measured (None: none): the longest, when it ended, and the latest."""
+        if measured is not None:
+            self.measured(*measured[:2])
+            self.current = measured[2]
 
     def measured(self, duration: int, end: int) -> None:
         """A link scan took ``duration`` ticks and ended at ``end``."""

@@ -63,11 +63,9 @@ class Histogram:
         import numpy as np
 
         if len(times):
-            bins = (times + _HALF_BIN) // BIN_TICKS
-            low = int(bins.min())
-            counts = np.bincount(bins - low)
-            for position in counts.nonzero()[0].tolist():
-                self.bins[low + position] += int(counts[position])
+            bins, counts = np.unique((times + _HALF_BIN) // BIN_TICKS, return_counts=True)
+            for position, number in zip(bins.tolist(), counts.tolist(), strict=True):
+                self.bins[position] += number
             self.count += len(times)
             self.total += int(times.sum())
             self._extend(int(times.min()), int(times.max()))

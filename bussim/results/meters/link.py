@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 #: The code of a slave to which a frame of the master came damaged (FX communication manual, chapter 4).
 MASTER_DAMAGED = 0x14
+#: Link scans that are counted at once.
+_COUNTED_AT_ONCE = 2048
 
 
 @dataclass(slots=True)
@@ -30,21 +32,14 @@ class ScanTimes:
     longest_cause: str = ""
     histogram: Histogram = field(default_factory=Histogram, metadata=FLAT)
 
-    def add(self, scan: ScanRecord) -> None:
-        """Take in a scan; of several longest ones the first is kept."""
-        longest = self.histogram.maximum
-        if longest is None or scan.duration > longest:
-            self.longest_at, self.longest_cause = scan.start, scan.cause
-        self.histogram.add(scan.duration)
-        self.last = scan.duration
-
-    def add_ordinary(self, starts: np.ndarray, durations: np.ndarray) -> None:
-        """Take in scans without errors."""
+    def add(self, starts: np.ndarray, durations: np.ndarray, causes: Mapping[int, str]) -> None:
+        """Take in scans, with causes by start; of several longest ones the first is kept."""
         if len(durations):
             slowest = int(durations.argmax())
             longest = self.histogram.maximum
             if longest is None or durations[slowest] > longest:
-                self.longest_at, self.longest_cause = int(starts[slowest]), ""
+                self.longest_at = int(starts[slowest])
+                self.longest_cause = causes.get(self.longest_at, "")
             self.histogram.add_array(durations)
             self.last = int(durations[-1])
 
@@ -123,6 +118,10 @@ class LinkMeter:
     failed: Counter[int] = field(default_factory=Counter)  # code → failed attempts in the scan under way
     failed_per_scan: dict[int, Counter[int]] = field(default_factory=dict)
     onsets: dict[str, Counter[int]] = field(default_factory=dict)  # by reporter and station
+    # Scans that are not counted yet (starts and durations), their causes by start, and how many they are.
+    _waiting: list[list[Any]] = field(default_factory=list)
+    _causes: dict[int, str] = field(default_factory=dict)
+    _number: int = 0
     scans_end: int = 0
     failed_at: int = 0  # when the latest attempt failed: the master was at work until then
     gaps: Spans = field(default_factory=Spans)  # times between link scans
@@ -132,14 +131,14 @@ class LinkMeter:
 
     def scan(self, record: ScanRecord) -> None:
         """Count a link scan that has ended."""
-        if record.start > self.scans_end and (self.scan_times.last is not None or self._master_was_away()):
+        if record.start > self.scans_end and (self.scans_end or self._master_was_away()):
             self.gaps.on(0, self.scans_end)
             self.gaps.off(0, record.start)
-        self.scan_times.add(record)
-        if self.healthy_at is not None and record.start >= self.healthy_at:
-            self.after_startup.add(record)
-        self.timeline.add(record.start, record.duration)
+        self._waiting.append([[record.start], [record.duration]])
+        if record.cause:
+            self._causes[record.start] = record.cause
         self.scans_end = record.start + record.duration
+        self._take(1)
         for code, number in self.failed.items():
             self.failed_per_scan.setdefault(code, Counter())[number] += 1
         self.failed.clear()
@@ -151,14 +150,31 @@ class LinkMeter:
 
     def scans(self, starts: np.ndarray) -> None:
         """Count link scans without errors between these ticks, after one that came as a record."""
-        begun, durations = starts[:-1], starts[1:] - starts[:-1]
-        self.scan_times.add_ordinary(begun, durations)
-        if self.healthy_at is not None:
-            after = int(begun.searchsorted(self.healthy_at))
-            self.after_startup.add_ordinary(begun[after:], durations[after:])
-        self.timeline.add_array(begun, durations)
+        self._waiting.append([starts[:-1], starts[1:] - starts[:-1]])
         self.scans_end = int(starts[-1])
-        self.failures.ordinary_scans(len(durations), self.scans_end)
+        self.failures.ordinary_scans(len(starts) - 1, self.scans_end)
+        self._take(len(starts) - 1)
+
+    def _take(self, number: int) -> None:
+        self._number += number
+        if self._number >= _COUNTED_AT_ONCE:
+            self.count()
+
+    def count(self) -> None:
+        """Count the scans that wait for it: many at once are cheaper than one by one."""
+        import numpy as np
+
+        if not self._waiting:
+            return
+        starts, durations = np.concatenate([np.asarray(each) for each in self._waiting], axis=1)
+        self.scan_times.add(starts, durations, self._causes)
+        if self.healthy_at is not None:
+            after = int(starts.searchsorted(self.healthy_at))
+            self.after_startup.add(starts[after:], durations[after:], self._causes)
+        self.timeline.add(starts, durations)
+        self._waiting.clear()
+        self._causes.clear()
+        self._number = 0
 
     def _flags_off(self, tick: int) -> None:
         self.flagged = False
@@ -220,6 +236,7 @@ class LinkMeter:
 
     def record(self, totals: LinkTotals, duration: int) -> LinkRecord:
         """What was counted in a run of ``duration`` ticks."""
+        self.count()
         names = totals.plc_names
         # Slaves report what they overhear; the link's flags are those of its master.
         reporter = totals.master or totals.bus

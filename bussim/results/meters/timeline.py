@@ -41,16 +41,8 @@ class Timeline:
         self._width = _FIRST_WIDTH
         self._cells: dict[int, Cell] = {}
 
-    def add(self, start: int, duration: int) -> None:
-        """Take in a scan; starts never decrease."""
-        column = start // self._width
-        while column >= MOST_CELLS:
-            self._double()
-            column = start // self._width
-        self._put(column, Cell(start, 1, duration, duration, duration))
-
-    def add_array(self, starts: np.ndarray, durations: np.ndarray) -> None:
-        """Take in scans."""
+    def add(self, starts: np.ndarray, durations: np.ndarray) -> None:
+        """Take in scans; starts never decrease."""
         import numpy as np
 
         if not len(starts):

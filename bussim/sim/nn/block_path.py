@@ -11,6 +11,7 @@ the last byte with and without, which a test compares.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import zip_longest
 from typing import TYPE_CHECKING, NamedTuple
 
 from bussim.engines.nn.events import AttemptEnded
@@ -185,19 +186,32 @@ class BlockPath:
             port.drain(now + scans.data)
             reporter.ordinary_scans(port, scans.starts[:-1], scans.slaves)
         took = [other.position for other in receiving] if missed else None
+        old = scans.end - bus.block_history.horizon
+        # Every END to come finds a block of a scan that was over by then: no scan of a PLC lasts longer.
+        first = max(0, int(scans.starts.searchsorted(old, side="right")) - 2)
         begun = (scans.starts[:-1], *scans.replies)
         for station, (sender, starts) in enumerate(zip((port, *polled), begun, strict=True)):
-            ticks = starts + scans.data
             if not bus.sink.traced:
-                # From the latest on that every END to come finds: no scan of a PLC lasts longer.
-                found = ticks.searchsorted(scans.end - bus.block_history.horizon, side="right")
-                for index in range(max(0, int(found) - 1), scans.number):
-                    image = sender.plc.image_at(int(starts[index]))
-                    bus.block_history.received(station, int(ticks[index]), image, missed)
-                assert sender.engine is not None  # noqa: S101 - narrows the type; every station has one
-                sender.engine.image = image
+                self._keep(sender, station, starts[first:].tolist(), scans.data, missed, old)
             heard = None if took is None else [each for each in took if each != sender.position]
-            bus.sink.refreshed_often(bus.name, sender.position, ticks, heard)
+            bus.sink.refreshed_often(bus.name, sender.position, starts + scans.data, heard)
+
+    def _keep(
+        self,
+        sender: LinkStation,
+        station: int,
+        starts: Sequence[int],
+        data: int,
+        missed: Sequence[int],
+        old: int,
+    ) -> None:
+        """Keep a station's latest block that is received by ``old``, and those after it."""
+        engine, history = sender.engine, self._bus.block_history
+        assert engine is not None  # noqa: S101 - narrows the type; every station has one
+        for start, after in zip_longest(starts, starts[1:]):
+            if after is None or after + data > old:
+                engine.image = sender.plc.image_at(start)
+                history.received(station, start + data, engine.image, missed)
 
     def _trace(self, stations: _Stations, scans: OrdinaryScans, frame: Frame, missed: Sequence[int]) -> None:
         """Record every frame and attempt, and keep every block, in the order in which they come."""
