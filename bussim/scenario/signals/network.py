@@ -115,15 +115,18 @@ class Network:
         self.nodes = {plc.name: list(self._nodes(plc.program)) for plc in plcs}
 
     def _nodes(self, program: Program | None) -> Iterator[Node]:
-        for item in (item for block in (program.blocks if program else ()) for item in block.rungs):
-            if program is None or not isinstance(item, Rung):
+        if program is None:
+            return
+        turns = program.turns_bmov
+        for item in (item for block in program.blocks for item in block.rungs):
+            if not isinstance(item, Rung):
                 continue
             number = len(self._levels)
             level = Extent("", number, number, word=False, writes=True)
             yield Node(self.reads(item.condition), [level], item.condition)
             self._levels[item] = level
             for at in item.outputs:
-                touched = extents(at, backwards=program.turns_bmov)
+                touched = extents(at, backwards=turns)
                 writes = [extent for extent in touched if extent.writes]
                 yield Node([*touched, level], writes, item.condition, at)
 

@@ -98,3 +98,9 @@ def test_the_key_sp_of_a_handheld_programmer_stands_for_a_blank(line: str) -> No
         ["T0", "K5"],
         ["K5", "D0"],
     ]
+
+
+@pytest.mark.parametrize(("text", "value"), [("H FF", 0xFF), ("H 0C81", 0x0C81), ("h 5", 5), ("H A5", 0xA5)])
+def test_between_h_and_its_digits_may_be_a_blank(text: str, value: int) -> None:
+    program = Program.parse(f"LD X0\nMOV {text} D 1\nEND", "p")
+    assert [each.address for each in program.instructions[1].operands] == [value, 1]

@@ -122,6 +122,16 @@ def test_paths_that_no_alarm_may_be_raised_about(given: dict[str, Any], expected
     assert bool(warned(found)) is (expected is Reachability.NONE)
 
 
+def test_a_program_is_searched_for_m8024_once_however_long_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = scenario(a=SEND + "LD X1\nOUT Y0\n" * 20)
+    searched: list[Program] = []
+    plain = Program.turns_bmov.fget
+    assert plain is not None
+    monkeypatch.setattr(Program, "turns_bmov", property(lambda it: searched.append(it) or plain(it)))
+    Network(found.plcs)
+    assert searched == [plc.program for plc in found.plcs]
+
+
 def test_ports_may_carry_what_the_link_does_not() -> None:
     assert signal_paths(scenario(end="b.Y7"))[0].reachability is Reachability.NONE
     for serial in ("ab", "b"):

@@ -43,7 +43,7 @@ _COMMENT = re.compile(
 #: What may stand apart from its number, and the signs of comparisons that may stand apart.
 _LETTERS = frozenset("KHXYMSTCDPNVZ")
 _NUMBER = re.compile(r"[+-]?[0-9]+(?:[VvZz][0-9]?)?", re.ASCII)
-_DIGITS = re.compile(r"[0-9][0-9A-Fa-f]*(?:[VvZz][0-9]?)?", re.ASCII)  # behind H
+_DIGITS = re.compile(r"[0-9A-Fa-f]+(?:[VvZz][0-9]?)?", re.ASCII)  # behind H
 _SIGNS = frozenset(("=", ">", "<", "<>", "<=", ">="))
 _LABEL = re.compile(r"[Pp][0-9]+:?", re.ASCII)
 _STEP = re.compile(r"[0-9]+:?", re.ASCII)
