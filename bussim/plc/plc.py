@@ -76,7 +76,8 @@ class Plc:
         self.profile = profile
         self.state = PlcState.OFF
         self.cycle = ScanCycle(streams.generator("scan", name))
-        self.memory = Memory()
+        self._registers = {parse_device(name): value for name, value in registers.items()}
+        self.memory = memory_at_power_on(profile, self._registers)
         self.errors = SerialErrors(self.memory)
         self.link_registers = LinkRegisters(profile, self.memory, self.errors)
         #: Its ports beside the link, by name.
@@ -89,7 +90,6 @@ class Plc:
         self.received: Received | None = None
         self._scan = (scan_mean, scan_jitter)
         self._phase = phase
-        self._registers = {parse_device(name): value for name, value in registers.items()}
         self._sources = {parse_device(name): source for name, source in sources.items()}
         self._linked = linked
         self._kept: Memory | None = None  # at the latest power-off

@@ -45,19 +45,23 @@ class FaultPlan:
         self._streams = streams
         self._sink = sink
         # Reasons why something has no supply or is in STOP; several may overlap.
-        self._unpowered: dict[str, int] = {}
         self._stopped: dict[str, int] = {}
         self._jabbers: dict[str, list[JabberSender]] = {}
         self._cuts: dict[str, list[int]] = {name: [] for name in buses}
         self._order = {bus.name: scenario.nodes_on(bus.name) for bus in scenario.buses}
         supplied = [(plc.name, plc.power_on) for plc in scenario.plcs]
-        for name, since in (*supplied, *((device.name, device.power_on) for device in scenario.devices)):
-            self._unpowered[name] = 1
-            if since:
-                sink.take(NoteRecord(0, LEFT_RUN, name, WITHOUT_SUPPLY, {}))
+        supplied += [(device.name, device.power_on) for device in scenario.devices]
+        self._unpowered = {name: 1 for name, _ in supplied}
+        faults = [fault for fault in scenario.faults if fault.window.at < scenario.duration]
+        away = [fault for fault in faults if isinstance(fault.kind, fault_kinds.PowerOff | fault_kinds.Stop)]
+        # What is kept from running in the very tick of its power-on carries no scan out before.
+        for fault in away:
+            kernel.at(fault.window.at, self._beginning(fault), FAULT)
+        for name, since in supplied:
             kernel.at(since, self._supply(name, -1), FAULT)
-        for fault in scenario.faults:
-            if fault.window.at < scenario.duration:
+        kernel.at(0, self._note_those_away, FAULT)
+        for fault in faults:
+            if fault not in away:
                 kernel.at(fault.window.at, self._beginning(fault), FAULT)
 
     def inject(self, fault: model.Fault) -> None:
@@ -75,6 +79,12 @@ class FaultPlan:
             if value is not None:
                 detail[key] = value
         self._sink.take(NoteRecord(tick, kind, fault.name, text, detail))
+
+    def _note_those_away(self, now: int) -> None:
+        for name, unit in self._units.items():
+            if not unit.running:
+                text = IN_STOP if unit.powered else WITHOUT_SUPPLY
+                self._sink.take(NoteRecord(now, LEFT_RUN, name, text, {}))
 
     def _beginning(self, fault: model.Fault) -> Undo:
         def begin(now: int) -> None:

@@ -8,6 +8,7 @@ from functools import cache
 
 import pytest
 
+import bussim
 from bussim.results.collector import Collector
 from bussim.results.meters.timeline import Span
 from bussim.results.meters.watch import Watch, Watched
@@ -268,3 +269,42 @@ def test_old_data_as_the_trace_has_them(seed: int) -> None:
 
 def _within(tick: int, spans: list[tuple[int, int]]) -> bool:
     return any(at < tick <= until for at, until in spans)
+
+
+COUNTED = """
+schema: 1
+name: counted
+duration: 300 ms
+plcs:
+  - name: p
+    scan: 5 ms
+    program: |
+      LD M8002
+      INC D300
+      END
+observe: [p.D300]
+faults: [{at: 0 s, for: 100 ms, FAULT: p}]
+"""
+
+
+@pytest.mark.parametrize("kind", ["power_off", "stop"])
+def test_what_is_away_from_the_beginning_carries_no_scan_out_before(kind: str) -> None:
+    """D300 is latched: it counts every RUN, of which there is one, 100 ms on."""
+    done = run(loads(COUNTED.replace("FAULT", kind)))
+    assert [each.value for each in done.record.values] == [1]
+    assert 100 * MS < done.record.values[0].tick < 110 * MS
+    assert [(note.tick, note.kind) for note in done.record.notes if "run" in note.kind] == [
+        (0, "left_run"),
+        (100 * MS, "in_run"),
+    ]
+
+
+def test_a_station_that_never_has_a_supply_keeps_its_number() -> None:
+    scenario = load("two_stations")
+    late = [
+        replace(plc, power_on=plc.power_on + 999 * SECOND * (n == 1)) for n, plc in enumerate(scenario.plcs)
+    ]
+    run_of = bussim.run(replace(scenario, plcs=tuple(late), duration=2 * SECOND))
+    assert run_of.summary["plcs"][late[1].name]["registers"]["D8176"] == 1
+    assert "same_number" not in str(run_of.summary["verdict"])
+    assert f"Station 1 ({late[1].name})" in str(run_of.summary["verdict"])
