@@ -28,6 +28,8 @@ class Model(BaseModel):
     example: ClassVar[str] = ""
     #: The key that a plain value in place of the mapping stands for.
     shorthand: ClassVar[str | None] = None
+    #: What stands for keys that it must have where they are missing or wrong, while the rest is checked.
+    stand_ins: ClassVar[dict[str, object]] = {}
 
     @model_validator(mode="before")
     @classmethod

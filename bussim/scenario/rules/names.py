@@ -61,9 +61,9 @@ def _buses_named(draft: Draft) -> Iterator[tuple[Path, str]]:
     """Every mention of a bus, and where it stands."""
     for entry, plc in readable(draft.plcs):
         for port, given in plc.ports.items():
-            if port in CPAVL_PORTS:
+            if port in CPAVL_PORTS and ("ports", port, "bus") not in entry.cut:
                 yield (*entry.path, "ports", port, "bus"), given.bus
-        if plc.nn is not None:
+        if plc.nn is not None and ("nn", "bus") not in entry.cut:
             yield (*entry.path, "nn", "bus"), plc.nn.bus
     wired: list[Entry[Any]] = [*draft.devices, *draft.noise]
     for wire, value in readable(wired):

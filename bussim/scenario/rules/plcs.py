@@ -113,16 +113,18 @@ def _check_nn(entry: Entry[PlcIn], member: Member, report: Report) -> None:
                 (*path, "timeout"),
                 f"is {format_time(nn.timeout)}, allowed are multiples of 10 ms, here {near}",
             )
-    _check_contradictions(member, report)
+    _check_contradictions(entry, member, report)
 
 
 def _ms(ticks: int) -> str:
     return f"{ticks // (TIMEOUT_UNIT // 10)} ms"
 
 
-def _check_contradictions(member: Member, report: Report) -> None:
+def _check_contradictions(entry: Entry[PlcIn], member: Member, report: Report) -> None:
     for name, value in member.plc.registers.items():
         device = device_name(name)
+        if ("nn", KEYS_OF_DEVICES.get(device or "")) in entry.cut:
+            continue
         if device in member.friendly and value & 0xFFFF != member.friendly[device]:
             report.error(
                 (*member.path, "registers", name),

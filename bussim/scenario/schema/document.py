@@ -6,7 +6,7 @@ Fields are named as in the file; where that is a word of Python, the alias is th
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field, field_validator
 
@@ -100,6 +100,7 @@ class NNIn(Model):
     """How a PLC takes part in an N:N link: the friendly form of D8176 to D8180 and M8179."""
 
     example = "{bus: link, port: COM4, station: 1}"
+    stand_ins: ClassVar = {"bus": "bus", "station": 1}
 
     bus: Name
     port: LinkPort | None = None
@@ -123,6 +124,7 @@ class PortIn(Model):
     """What a port is wired to and what it does there: the friendly form of CPAVL's words."""
 
     example = "{bus: feeder, protocol: modbus-rtu-master}"
+    stand_ins: ClassVar = {"bus": "bus"}
 
     bus: Name
     protocol: Annotated[str, choice(*PROTOCOL_CODES)] | None = None

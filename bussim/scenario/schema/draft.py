@@ -1,8 +1,8 @@
 """From plain data to the schema's values: every mistake reported, and what is right kept.
 
-An entry with a mistake is read again without the wrong keys, so that the rules can check the rest of
-it in the same pass. Such an entry remembers what was left out (``cut``); rules about what is absent
-leave that alone.
+An entry with a mistake is read again without the wrong keys, or with others in their stead, so that the
+rules can check the rest of it in the same pass. Such an entry remembers what was left out (``cut``); rules
+about what is absent leave that alone.
 """
 
 from __future__ import annotations
@@ -206,7 +206,14 @@ def read_form(model: type[T], raw: object, path: Path, report: Report) -> tuple[
             for detail in error.errors(include_url=False):
                 if not _consequence(detail["type"], detail["loc"], pruned):
                     _explain(model, detail, path, data, report)
-                wrong.append(_existing(detail["loc"], data))
+                loc = tuple(detail["loc"])
+                owner = _model_at(model, loc[:-1])
+                stands = loc != () and loc not in pruned and _existing(loc[:-1], data) == loc[:-1]
+                if owner is not None and stands and loc[-1] in owner.stand_ins:
+                    _put(data, loc, owner.stand_ins[loc[-1]])
+                    pruned.append(loc)
+                else:
+                    wrong.append(_existing(loc, data))
             # A list loses its meaning without one of its entries: cut above the first position.
             cuts = {_above_index(at) for at in wrong}
             if () in cuts:
@@ -248,6 +255,12 @@ def _above_index(path: Path) -> Path:
         if isinstance(part, int):
             return path[:depth]
     return path
+
+
+def _put(data: Any, path: Path, value: object) -> None:
+    for part in path[:-1]:
+        data = data[part]
+    data[path[-1]] = value
 
 
 def _remove(data: Any, path: Path) -> None:
