@@ -14,7 +14,7 @@ from bussim.scenario.yaml import parser as yaml
 from bussim.serve.session import Session
 from bussim.sim.faults import describe
 from bussim.units import format_time, seconds
-from bussim.wording import shorten, suggest
+from bussim.wording import nearest, shorten, suggest
 
 #: Seconds that a fault may take to begin.
 _LONGEST_WAIT = 5.0
@@ -71,7 +71,8 @@ def entry(scenario: model.Scenario, node: str, kind: str, values: Mapping[str, s
     """The fault as an entry of ``faults:``. Raises UsageError."""
     kinds = [each for each in FaultIn.kinds if each != "power_on"]  # whose time is its own
     if kind not in kinds:
-        raise UsageError(f"no fault {shorten(kind)!r}; {suggest(kind, kinds)}")
+        hint = suggest(kind, kinds) if nearest(kind, kinds) else f"allowed are {', '.join(kinds)}"
+        raise UsageError(f"no fault {shorten(kind)!r}; {hint}")
     given = {key: _value(key, text) for key, text in values.items()}
     whole = {key: given.pop(key) for key in _OWN if key in given}
     if kind == "cable_cut":
