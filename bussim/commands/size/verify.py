@@ -29,12 +29,12 @@ if TYPE_CHECKING:
 
 #: Two-sided 99.99 %: of ten comparisons one in a thousand is a false alarm.
 _CONFIDENCE, _WIDTH = 0.9999, 3.89
-#: So many link scans are simulated, and exchanges at raised noise, where each takes long; the first scans
-#: have the start-up in them.
-_SCANS, _EXCHANGES, _FIRST = 3_000, 4_000, 10
+#: So many exchanges are simulated with retries, of which hardly one ends in an error, without, and at raised
+#: noise, where each takes long; the first scans have the start-up in them.
+_RETRIED, _ONCE, _RAISED, _FIRST = 2_000, 6_000, 1_500, 10
 #: With fewer errors expected than this, that none were seen would say nothing about them; noise is raised
 #: until so many are expected.
-_SEEN, _WANTED = 3.0, 70.0
+_SEEN, _WANTED = 3.0, 40.0
 #: Scans are averaged in so many batches, so that neighbours that hang together do no harm.
 _BATCHES = 40
 #: By how many times noise is raised.
@@ -191,10 +191,11 @@ def verify(scenario: model.Scenario, bus: str, sizing: Sizing) -> list[Verificat
     found = []
     level = None if sizing.model.noisy else with_level(sizing.model, LEVELS[BAD])
     for retries, timeout in sizing.neighbours():
-        changed = with_setting(scenario, bus, retries, timeout, level)
-        found.append(compare(changed, bus, Verification(retries, timeout)))
+        changed, slaves = with_setting(scenario, bus, retries, timeout, level), len(sizing.model.stations)
+        scans = (_RETRIED if retries else _ONCE) // slaves
+        found.append(compare(changed, bus, Verification(retries, timeout), scans))
         if len(found) == 1 and not (found[0].reason or found[0].about_errors):
-            scans = _EXCHANGES // len(sizing.model.alive)
+            scans = _RAISED // slaves
             times = _times_wanted(changed, bus, scans)
             if times is not None:
                 setting = Verification(retries, timeout, times)
@@ -214,7 +215,7 @@ def _times_wanted(scenario: model.Scenario, bus: str, scans: int) -> float | Non
     return _TIMES[index] if index < len(_TIMES) else None
 
 
-def compare(scenario: model.Scenario, bus: str, setting: Verification, scans: int = _SCANS) -> Verification:
+def compare(scenario: model.Scenario, bus: str, setting: Verification, scans: int) -> Verification:
     """Simulate so many scans of the link of a scenario, which has a setting, beside its law."""
     from bussim import api
 
