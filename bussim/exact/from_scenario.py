@@ -29,7 +29,7 @@ from bussim.plc.link_registers import (
     refusal,
     setting_values,
 )
-from bussim.plc.profiles import Turnaround, attempts_per_poll
+from bussim.plc.profiles import attempts_per_poll
 from bussim.scenario.fault_kinds import (
     BoardError,
     CableCut,
@@ -214,6 +214,9 @@ class _LinkReader:
                     self.obstacles.append(f"{what}: the tail collides with the next frame")
             case Jabber():
                 self.obstacles.append(f"{what}: a jabbering station collides with every frame")
+            case WrongFormat() if self.bound_end and not master:
+                member.silent, member.receives = True, False
+                self.notes.append(f"{what}: taken for a station that neither hears nor replies")
             case WrongFormat():
                 reason = "what a station with a wrong format hears depends on the data"
                 self.obstacles.append(f"{what}: {reason}")
@@ -336,7 +339,7 @@ class _LinkReader:
             else:
                 yield f"{station.label} never replies: a fault keeps it silent all the time"
         if model.dead and model.alive:
-            yield "all figures are with that; where a dead station is spoken of, it is one more"
+            yield "figures of the line as it is are with that; a dead station spoken of is one more"
 
     def _told(self, model: LinkModel, first: dict[int, _Member]) -> LinkModel:
         """The link with what was found out about it."""
@@ -345,7 +348,14 @@ class _LinkReader:
 
     def _station(self, number: int, member: _Member | None, master: _Member, mode: int) -> Station:
         if member is None:
-            return Station(number, "", Turnaround(0, 0), 0, alive=False, hears=False)
+            # Were it there, it might be as slow as any.
+            kind = max(
+                (each.plc.profile.turnaround for each in self.members), key=lambda spread: spread.longest
+            )
+            scan = max(each.scan for each in self.members)
+            return Station(
+                number, "", kind, frame_ticks(data_chars(mode)), alive=False, hears=False, scan=scan
+            )
         plc = member.plc
         at_end = plc.profile.reply.at_end
         stays_out = mode not in plc.profile.modes  # refuses the master's parameters

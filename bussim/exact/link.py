@@ -77,9 +77,9 @@ class LineNoise:
 class Station:
     """A slave of the link. Times in ticks.
 
-    ``alive``: it replies to its polls. ``hears``: it takes over what other stations send. ``reply`` is
-    its data frame, ``extra`` what a slow station adds to its turnaround, ``loss`` the probability that a
-    reply is never sent, ``scan`` its PLC's longest scan.
+    ``alive``: it replies to its polls. ``hears``: it takes over what other stations send. The rest is as it
+    is or would be: ``reply`` its data frame, ``extra`` what a slow station adds to its turnaround, ``loss``
+    the probability that a reply is never sent, ``scan`` its PLC's longest scan.
     """
 
     number: int
@@ -241,6 +241,17 @@ class LinkModel:
                 replace(s, alive=False, hears=False) if s.number in numbers else s for s in self.stations
             ),
         )
+
+    @property
+    def complete(self) -> LinkModel:
+        """The same link with all stations replying that are polled."""
+        stations = tuple(replace(station, alive=True, hears=True) for station in self.stations)
+        return replace(self, stations=stations, not_replying=())
+
+    @property
+    def lines(self) -> tuple[LinkModel, ...]:
+        """The link as it is, unless no slave replies, and complete, where some do not reply."""
+        return (*([self] if self.alive else []), *([self.complete] if self.dead else []))
 
     # -- where the closed form ends ----------------------------------------------------------------
 

@@ -233,6 +233,26 @@ def test_passing_faults_may_be_left_out(name: str) -> None:
     assert figures_of(link).mean == figures_of(read()).mean
 
 
+def test_a_sizing_takes_a_station_of_a_wrong_format_for_silent() -> None:
+    data = scenario(faults=[REASONS["wrong_format"][0]])
+    link = from_scenario(from_data(data), ignore_faults=True, bound_end=True)["link"]
+    assert link.valid
+    assert [station.name for station in link.dead] == ["one"]
+    assert "neither hears nor replies" in link.notes[0]
+    assert link.complete.stations == read().stations
+
+
+def test_a_station_that_does_not_exist_would_be_as_slow_as_any() -> None:
+    def more(data: dict[str, Any]) -> None:
+        data["plcs"][0]["nn"]["slaves"] = 3
+
+    link = read(more)
+    (absent,), present = link.dead, link.alive
+    assert absent.scan == max(link.scan, *(station.scan for station in present))
+    assert absent.slowest == max(station.slowest for station in present)
+    assert link.complete.lines == (link.complete,)
+
+
 def test_faults_on_other_stations_do_not_matter() -> None:
     def changed(data: dict[str, Any]) -> None:
         data["plcs"].append({"name": "aside", "profile": "pw10", "scan": "5 ms"})

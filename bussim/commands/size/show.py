@@ -14,6 +14,7 @@ from bussim.exact.scan.outages import longest_scan
 from bussim.exact.sizing.choice import Choice
 from bussim.exact.sizing.noise_levels import LEVELS, NoiseLevels
 from bussim.exact.sizing.size import Sizing
+from bussim.exact.sizing.unmet_goals import NO_HELP
 from bussim.exact.text import NOT_COVERED, a_year, ms, ms_at_least, ms_at_most
 from bussim.scenario.provenance import in_words
 from bussim.units import TICKS_PER_MS
@@ -49,12 +50,16 @@ def show_sizing(console: Console, bus: str, sizing: Sizing, verifications: Seque
         return
     for goal in sizing.goals.texts().values():
         line(f"goal: {goal}")
+    if sizing.decided:
+        line(sizing.decided)
     best = sizing.recommended
     if best is None:
         for unmet in sizing.unmet:
             line(f"not to be met: {unmet.text}", style="bold")
         for help_ in sizing.unmet[0].helps if sizing.unmet else ():
             line(f"would help: {help_}", 4)
+        if sizing.unmet and not sizing.unmet[0].helps:
+            line(NO_HELP, 4)
     else:
         line(
             f"recommended: D8179 = {best.retries} ({counted(best.attempts, 'attempt')} a poll), "

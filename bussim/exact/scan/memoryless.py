@@ -67,6 +67,11 @@ def probabilities_of(model: LinkModel) -> tuple[AttemptProbabilities, ...]:
     """How one attempt at each station ends, in order. Raises ValueError for a line with bursts."""
     if not model.noise.memoryless:
         raise ValueError("on a link with bursts attempts differ in their probabilities")
+    return _probabilities(model.with_setting(1, 0, 0))
+
+
+@lru_cache(maxsize=64)
+def _probabilities(model: LinkModel) -> tuple[AttemptProbabilities, ...]:
     line = line_of(model)
     known: dict[object, AttemptProbabilities] = {}
     for station in model.stations:

@@ -53,12 +53,11 @@ class Choice:
         }
 
 
-def recommend(model: LinkModel, goals: Goals, *, alone: bool = False) -> Choice | None:
-    """The least setting of a link that meets all goals, None where none does.
-
-    ``alone``: with the link's own noise only, however little it is.
-    """
-    checked = evaluate_goals(model, goals, alone=alone)
+def recommend(
+    model: LinkModel, goals: Goals, *, alone: bool = False, lines: tuple[LinkModel, ...] = ()
+) -> Choice | None:
+    """The least setting of a link that meets all goals, None where none does (:func:`evaluate_goals`)."""
+    checked = evaluate_goals(model, goals, alone=alone, lines=lines)
     found = least([(checked, rows_of(checked, model.reading))])
     if found is None:
         return None

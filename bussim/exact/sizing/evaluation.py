@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
-from functools import lru_cache
+from bisect import bisect_left
+from collections.abc import Collection, Iterable, Sequence
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +18,10 @@ from bussim.exact.scan.mixture import Distribution
 from bussim.exact.scan.outages import clean_scan
 from bussim.exact.scan.turnaround_sums import Floats
 from bussim.exact.sizing.goals import Goals
-from bussim.exact.sizing.grid import Grid, evaluate
+from bussim.exact.sizing.grid import Grid, evaluate, worst_of
 from bussim.exact.sizing.noise_levels import BAD, LEVELS, weaker_bursts, with_level
 from bussim.exact.solve import Solved
-from bussim.plc.profiles import MAX_RETRIES, AbsentStation, Attempts, attempts_per_poll
+from bussim.plc.profiles import MAX_RETRIES, Attempts, attempts_per_poll
 from bussim.units import TICKS_PER_MS
 
 Mask = NDArray[np.bool_]
@@ -42,7 +42,7 @@ def timeout_floor(model: LinkModel) -> int:
     The longest legitimate reply, plus its slave's longest PLC scan, plus one 10 ms tick: should
     the board reply at END and not on its own, as assumed, its replies still come in time.
     """
-    longest = max((s.slowest + s.reply + s.scan for s in model.alive), default=0)
+    longest = max((s.slowest + s.reply + s.scan for s in model.stations), default=0)
     return math.ceil((longest + 10 * TICKS_PER_MS) / TIMEOUT_UNIT) * TIMEOUT_UNIT
 
 
@@ -50,7 +50,7 @@ class Checked:
     """A grid by attempts and timeout, and for each goal where it is met.
 
     ``views`` are the links with the noise under which the goals must be met, ``grid`` has the worst figures
-    of them. ``met`` and ``values`` (the figure that each goal limits) have an entry for every goal but the
+    of them. ``met`` and ``values`` (the figure that a goal limits) have an entry for every goal but the
     heartbeat, which takes a distribution per setting and is asked for one by one: :meth:`heartbeat_met`.
     """
 
@@ -58,20 +58,22 @@ class Checked:
         self.views = views
         self.grid = grid
         self.goals = goals
-        self.values: dict[str, Floats] = {"errors": grid.errors}
+        self.values: dict[str, Floats] = {
+            "errors": grid.errors,
+            "onsets": grid.onsets,
+            "dead": grid.one_dead,
+            "ride": grid.silence,
+        }
         few = grid.error_per_scan <= MOST_ERRORS
         self.met: dict[str, Mask] = {"errors": few & (grid.errors <= goals.errors)}
         if goals.onsets is not None:
-            self.values["onsets"] = grid.onsets
             self.met["onsets"] = grid.onsets <= goals.onsets
         if goals.scan is not None:
             self.values["scan"] = grid.over[goals.scan[0]]
             self.met["scan"] = self.values["scan"] <= goals.scan[1]
         if goals.dead is not None:
-            self.values["dead"] = grid.one_dead
             self.met["dead"] = grid.one_dead <= goals.dead
         if goals.ride:
-            self.values["ride"] = grid.silence
             self.met["ride"] = grid.silence >= goals.ride
         #: How often a year a heartbeat is missed falsely, for the settings that were evaluated, and those
         #: with which it is so too often.
@@ -139,15 +141,31 @@ class Checked:
         setting = self.grid.attempts[row], self.grid.timeouts[column]
         return [view.with_setting(*setting) for view in self.views]
 
-    def possible(self, names: Iterable[str], rows: Iterable[int]) -> bool:
-        """Whether some setting of these rows meets the named goals.
+    def meeting(self, names: Collection[str], rows: Sequence[int]) -> Mask:
+        """Where settings of these rows meet the named goals, a heartbeat too."""
+        met = self.candidates(names)[list(rows)]
+        for row, own in zip(rows, met, strict=True):
+            columns = np.flatnonzero(own).tolist() if "heartbeat" in names else []
+            if columns and self.memoryless and self.heartbeat_met(row, columns[0]):
+                refused = partial(lambda row, column: not self.heartbeat_met(row, column), row)
+                own[columns[bisect_left(columns, x=True, key=refused) :]] = False
+            elif columns:
+                own[columns] = [not self.memoryless and self.heartbeat_met(row, each) for each in columns]
+        return met
 
-        A heartbeat is evaluated with the shortest timeout of each row that meets the others.
-        """
-        names = tuple(names)
-        met = self.candidates(names)
-        found = [(row, int(np.argmax(met[row]))) for row in dict.fromkeys(rows) if met[row].any()]
-        return any("heartbeat" not in names or self.heartbeat_met(*setting) for setting in found)
+    def shortest(self, names: Collection[str], rows: Iterable[int]) -> list[tuple[int, int]]:
+        """The settings (row, column) with the shortest timeout of each row that meets the named goals."""
+        found = []
+        for row, own in enumerate(self.candidates(names)):
+            columns = np.flatnonzero(own).tolist() if row in rows else []
+            if "heartbeat" in names:  # without bursts a longer timeout is of no help
+                columns = [
+                    each
+                    for each in columns[: 1 if self.memoryless else None]
+                    if self.heartbeat_met(row, each)
+                ]
+            found += [(row, column) for column in columns[:1]]
+        return found
 
 
 def least(views: Sequence[tuple[Checked, Sequence[int]]]) -> tuple[int, int] | None:
@@ -157,6 +175,8 @@ def least(views: Sequence[tuple[Checked, Sequence[int]]]) -> tuple[int, int] | N
     noticed, then the fewest errors. A view is a checked grid and its row for each number of retries.
     """
     met = np.logical_and.reduce([view.candidates(view.names)[list(rows)] for view, rows in views])
+    if all(view.memoryless for view, _ in views):  # else a heartbeat may need a longer timeout
+        met &= np.cumsum(met, axis=1) == 1
     retries, columns = np.nonzero(met)
     if not retries.size:
         return None
@@ -177,8 +197,8 @@ def rows_of(checked: Checked, reading: Attempts) -> list[int]:
     return [checked.grid.attempts.index(attempts_per_poll(reading, r)) for r in range(MAX_RETRIES + 1)]
 
 
-def noise_views(model: LinkModel) -> tuple[LinkModel, ...]:
-    """A link under each noise at which its goals must be met.
+def noise_views(*lines: LinkModel) -> tuple[LinkModel, ...]:
+    """Links under each noise at which their goals must be met.
 
     What is entered is never known to a factor, so the level ``bad`` counts beside it, as it stands for noise
     that is not known at all: entering some noise, or more, never leads to fewer attempts, and never meets a
@@ -189,22 +209,22 @@ def noise_views(model: LinkModel) -> tuple[LinkModel, ...]:
     judged with the bursts as entered; weaker ones had up to twice as many such scans. So without bursts no
     such goal that was refused is met with more noise; stronger bursts may meet one that weaker ones did not.
     """
-    bad = with_level(model, LEVELS[BAD])
-    return (model, bad) if model.noisy else (bad,)
+    levels = ((line, with_level(line, LEVELS[BAD])) for line in lines)
+    return tuple(view for line, bad in levels for view in ((line, bad) if line.noisy else (bad,)))
 
 
 def evaluate_goals(
-    model: LinkModel, goals: Goals, absent: AbsentStation | None = None, *, alone: bool = False
+    model: LinkModel, goals: Goals, *, alone: bool = False, lines: tuple[LinkModel, ...] = ()
 ) -> Checked:
     """All settings from the timeout floor on, for 1 to 11 attempts.
 
+    The goals must be met by the link as it is and by the complete one, or by the ``lines`` that are given.
     ``alone``: with the link's own noise only, however little it is.
     """
-    if absent is not None:
-        model = replace(model, absent=absent)
-    views, weaker = ((model,), ()) if alone else (noise_views(model), weaker_bursts(model))
-    deadlines = () if goals.scan is None else (goals.scan[0],)
-    return Checked(views, _worst_grid(views, weaker, deadlines), goals)
+    lines = lines or model.lines
+    views = lines if alone else noise_views(*lines)
+    weaker = () if alone else tuple(view for line in lines for view in weaker_bursts(line))
+    return Checked(views, _worst_grid(views, weaker, () if goals.scan is None else (goals.scan[0],)), goals)
 
 
 @lru_cache(maxsize=64)
@@ -215,13 +235,17 @@ def _worst_grid(
     top = model.timeout_range[1] * TIMEOUT_UNIT
     low = max(timeout_floor(model), model.timeout_range[0] * TIMEOUT_UNIT)
     timeouts = tuple(range(low, top + 1, TIMEOUT_UNIT))
-    every = range(1, MAX_RETRIES + 2)
-    grid, *others = (evaluate(view, every, timeouts, deadlines) for view in views)
+    grid = worst_of(_grid(view, timeouts, deadlines) for view in views)
     some = np.unique(np.geomspace(1, len(timeouts), _WEAKER_SAMPLES).astype(np.int64)) - 1
     sampled = tuple(timeouts[column] for column in some.tolist())
-    for other in (*others, *(_errors(view, sampled) for view in weaker)):
-        grid.take_worse(other)
+    for view in weaker:
+        grid.take_worse(_errors(view, sampled))
     return grid
+
+
+@lru_cache(maxsize=128)
+def _grid(model: LinkModel, timeouts: tuple[int, ...], deadlines: tuple[int, ...]) -> Grid:
+    return evaluate(model, range(1, MAX_RETRIES + 2), timeouts, deadlines)
 
 
 @lru_cache(maxsize=256)
@@ -253,6 +277,17 @@ def missed_at_least(model: LinkModel, preset: int) -> float:
         hit = line.outcome(poll_path(model, station.number), model.data_bits).hit.sum(axis=1).min()
         found = max(found, float(hit) ** in_a_row if station.hears else 0.0)
     return YEAR / clean * found
+
+
+def least_preset(model: LinkModel, most: float) -> float:
+    """The shortest preset (ticks) of a heartbeat missed at most so often a year; infinite for none."""
+    chance = most * clean_scan(model, slowest=False) / YEAR
+    found = 0.0
+    for gaps, scans in _gaps(model):
+        if gaps.lost >= chance:
+            return math.inf
+        found = max(found, scans + gaps.quantile(min(chance - gaps.lost, 0.999)))
+    return found
 
 
 def missed_per_year(model: LinkModel, preset: int) -> float:

@@ -64,10 +64,10 @@ class Grid:
         self._every[:, :, ~self.valid] = np.nan
 
     def take_worse(self, other: Grid) -> None:
-        """Take over what is worse in a grid of the same attempts under other noise, as far as that has it.
+        """Take over what is worse in a grid of the same attempts, as far as that has it.
 
-        Ride-through depends on no noise; of all other figures more is worse. A timeout between two of the
-        other grid takes the shorter one's errors, which are not fewer.
+        Ride-through depends neither on noise nor on stations; of all other figures more is worse. A timeout
+        between two of the other grid takes the shorter one's errors, which are not fewer.
         """
         column = np.searchsorted(other.timeouts, self.timeouts, side="right") - 1
         own = self._every[: len(other._every)]
@@ -101,6 +101,15 @@ def evaluate(
         _fill(grid, row, count, stacks, details=details)
     grid.finish()
     return grid
+
+
+def worst_of(grids: Iterable[Grid]) -> Grid:
+    """The worst figures that each setting has in grids of the same settings."""
+    first, *others = grids
+    worst = Grid(first.model, first.attempts, first.timeouts, tuple(first.over))
+    for grid in (first, *others):
+        worst.take_worse(grid)
+    return worst
 
 
 def _fill(grid: Grid, row: int, count: int, stacks: TimeoutStacks, *, details: bool) -> None:

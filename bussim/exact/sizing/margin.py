@@ -91,14 +91,15 @@ def margins(model: LinkModel, goals: Goals, recommended: Choice | None) -> tuple
     for factor in FACTORS:
         noisy = scaled_noise(model, factor) if model.noisy else with_level(model, LEVELS[BAD] * factor)
         base = "noise as entered" if model.noisy else "level bad"
+        views = [(line, view) for line in noisy.lines for view in (line, *weaker_bursts(line))]
         grids = [
-            evaluate(view, (setting.attempts,), (first, setting.timeout), details=False)
-            for view in (noisy, *weaker_bursts(noisy))
+            evaluate(view, (setting.attempts,), (first, setting.timeout), details=False) for _, view in views
         ]
         errors, per_scan = (
             np.array([getattr(grid, figure)[0, -1] for grid in grids])
             for figure in ("errors", "error_per_scan")
         )
+        line, worst = views[int(errors.argmax())]
         choice, more = recommend(noisy, goals), 0.0
         if choice is not None:
             there = choice_of(known.grid, model.reading, choice.retries, choice.timeout)
@@ -110,8 +111,8 @@ def margins(model: LinkModel, goals: Goals, recommended: Choice | None) -> tuple
                 setting,
                 float(errors.max()),
                 float(per_scan.max()),
-                len(model.alive),
-                bool(errors.argmax()),
+                len(model.stations),
+                worst is not line,
                 recommended is None,
                 choice is not None and (choice.retries, choice.timeout) == (setting.retries, setting.timeout),
                 choice,

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from bussim.exact.bursts.exchange import reply_path
 from bussim.exact.link import MASTER, LineNoise, LinkModel, NoiseSource
-from bussim.exact.sizing.grid import evaluate
+from bussim.exact.sizing.grid import evaluate, worst_of
 from bussim.exact.text import in_ms
 from bussim.plc.profiles import MAX_RETRIES, attempts_per_poll
 from bussim.units import TICKS_PER_MS
@@ -152,7 +152,10 @@ def _damaged(bits: int, ber: float) -> float:
 def noise_levels_of(model: LinkModel, timeout: int) -> NoiseLevels:
     """The noise levels of a link for one timeout in ticks, for D8179 0…10."""
     every = range(1, MAX_RETRIES + 2)
-    grids = {name: evaluate(with_level(model, ber), every, (timeout,)) for name, ber in LEVELS.items()}
+    grids = {
+        name: worst_of(evaluate(with_level(line, ber), every, (timeout,)) for line in model.lines)
+        for name, ber in LEVELS.items()
+    }
     bad = grids[BAD]
     rungs = []
     for retries in range(MAX_RETRIES + 1):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -53,12 +53,13 @@ class Robust:
 class Sizing:
     """A recommendation for one link, or why there is none.
 
-    ``floor`` is the least timeout considered (ticks). ``noise_levels`` is there where the link has no
-    noise. ``front`` are the recommended setting and those that no other one beats in errors, scan with one
-    dead and detection together; ``front_longer`` more of them have scans of over a second and are left out.
-    ``margins`` say what more noise does to the recommended setting, ``assumptions`` what it rests on, what
-    changes it most first, ``otherwise`` what would meet the goals, where none does, if an assumption did not
-    hold. ``checked`` has the grid.
+    ``floor`` is the least timeout considered (ticks). ``decided`` says of a line with stations that
+    do not reply whether it needs the recommended setting as it is or complete, and what else would do.
+    ``noise_levels`` is there where the link has no noise. ``front`` are the recommended setting and those
+    that no other one beats in errors, scan with one dead and detection together; ``front_longer`` more of
+    them have scans of over a second and are left out. ``margins`` say what more noise does to the recommended
+    setting, ``assumptions`` what it rests on, what changes it most first, ``otherwise`` what would meet the
+    goals, where none does, if an assumption did not hold. ``checked`` has the grid.
     """
 
     model: LinkModel
@@ -67,6 +68,7 @@ class Sizing:
     reasons: tuple[str, ...]
     floor: int = 0
     recommended: Choice | None = None
+    decided: str = ""
     robust: Robust | None = None
     front: tuple[Choice, ...] = ()
     front_longer: int = 0
@@ -84,7 +86,7 @@ class Sizing:
         if not self.model.noisy or self.recommended is None:
             return "at the assumed level bad"
         entered, best = self.margins[0], self.recommended
-        bad = with_level(self.model, LEVELS[BAD]).with_setting(best.attempts, best.timeout)
+        bad = with_level(self.model.lines[-1], LEVELS[BAD]).with_setting(best.attempts, best.timeout)
         stations = zip(bad.stations, Solved(bad).fails, strict=True)
         if entered.per_scan < sum(fails.error for station, fails in stations if station.alive):
             return "at the assumed level bad, which is the more"
@@ -165,6 +167,7 @@ class Sizing:
             "goal_figures": self.figures,
             "timeout_floor_ms": in_ms(self.floor),
             "recommended": None if self.recommended is None else self.recommended.to_json(),
+            "decided": self.decided,
             "robust": None if self.robust is None else self.robust.to_json(),
             "robust_unmet": list(self.robust_unmet),
             "apart": self.apart(),
@@ -190,8 +193,8 @@ def size(model: LinkModel, goals: Goals | None = None) -> Sizing:
     goals = goals or Goals()
     if model.obstacles:
         return Sizing(model, goals, valid=False, reasons=model.obstacles)
-    if not model.alive:
-        return Sizing(model, goals, valid=False, reasons=("no slave replies: there is nothing to size",))
+    if not model.stations:
+        return Sizing(model, goals, valid=False, reasons=("no slave is polled: there is nothing to size",))
     floor = timeout_floor(model)
     if floor > model.timeout_range[1] * TIMEOUT_UNIT:
         reason = (
@@ -199,7 +202,7 @@ def size(model: LinkModel, goals: Goals | None = None) -> Sizing:
             f"D8180 allows {ms(model.timeout_range[1] * TIMEOUT_UNIT)} ms"
         )
         return Sizing(model, goals, valid=False, reasons=(reason,), floor=floor)
-    views = {absent: evaluate_goals(model, goals, absent) for absent in AbsentStation}
+    views = {absent: evaluate_goals(replace(model, absent=absent), goals) for absent in AbsentStation}
     checked = views[model.absent]
     recommended = recommend(model, goals)
     robust, why_not = _robust(views)
@@ -218,6 +221,7 @@ def size(model: LinkModel, goals: Goals | None = None) -> Sizing:
         reasons=(),
         floor=floor,
         recommended=recommended,
+        decided=_decided(model, goals, recommended),
         robust=robust,
         front=front,
         front_longer=longer,
@@ -229,6 +233,25 @@ def size(model: LinkModel, goals: Goals | None = None) -> Sizing:
         otherwise=() if recommended else refused_otherwise(model, goals),
         checked=checked,
     )
+
+
+def _decided(model: LinkModel, wanted: Goals, best: Choice | None) -> str:
+    """Which line needs the recommended setting: as it is, or complete; what would do for either alone."""
+    if len(model.lines) == 1:
+        return "no slave replies: all is of the line with all stations replying" if model.dead else ""
+    need, said = [], []
+    for name, line in zip(("as it is", "with all stations replying"), model.lines, strict=True):
+        alone = recommend(model, wanted, lines=(line,))
+        if alone is not None and (
+            best is None or (alone.retries, alone.timeout) != (best.retries, best.timeout)
+        ):
+            said.append(f"{name}, D8179 = {alone.retries}, D8180 = {alone.d8180} would do")
+        else:
+            need.append(name)
+    if best is not None:
+        said.insert(0, f"the line {' and '.join(need) or 'in both states together'} needs this setting")
+    goals = "the goals must be met as it is and with all stations replying, each figure is the worse of both"
+    return "; ".join((goals, *said))
 
 
 def _robust(views: dict[AbsentStation, Checked]) -> tuple[Robust | None, tuple[str, ...]]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bussim.exact.link import TIMEOUT_UNIT, LinkModel
-from bussim.exact.sizing.grid import evaluate
+from bussim.exact.sizing.grid import evaluate, worst_of
 from bussim.exact.sizing.margin import FACTORS
 from bussim.exact.sizing.noise_levels import LEVELS, scaled_noise, with_level
 from bussim.exact.sizing.size import Sizing
@@ -64,7 +64,8 @@ def trade_off(sizing: Sizing) -> TradeOff:
         lowest.setdefault(attempts_per_poll(model.reading, retries), retries)
     assumed = sizing.noise_levels is not None
     grids = {
-        name: evaluate(noisy, lowest, (timeout,)) for name, noisy in _noises(model, assumed=assumed).items()
+        name: worst_of(evaluate(line, lowest, (timeout,)) for line in noisy.lines)
+        for name, noisy in _noises(model, assumed=assumed).items()
     }
     chosen_for = list(grids)[-1 if assumed else 0]
     series = {

@@ -2,33 +2,34 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations, islice
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from bussim.engines.nn.frames import data_chars
 from bussim.exact.link import TIMEOUT_UNIT, LinkModel, frame_ticks
-from bussim.exact.scan.outages import longest_scan
-from bussim.exact.sizing.evaluation import Checked, Mask, evaluate_goals, least, rows_of
+from bussim.exact.sizing.evaluation import Checked, Mask, evaluate_goals, least, least_preset, rows_of
 from bussim.exact.sizing.goals import Goals, Rate
 from bussim.exact.sizing.noise_levels import scaled_noise
 from bussim.exact.solve import Solved
 from bussim.exact.text import at_least, at_most, ms_at_most
-from bussim.plc.profiles import MAX_RETRIES
-from bussim.units import TICKS_PER_MS, UNIT_TICKS
+from bussim.units import TICKS_PER_MS
 from bussim.wording import about
 
-#: How much less noise is tried, and how much further deadlines and presets are set first.
+#: How much less noise is tried.
 _LESS = (2, 5, 10, 20, 50, 100, 1_000, 10_000)
-_UNITS = {"scan": TICKS_PER_MS, "heartbeat": 10 * TICKS_PER_MS}  # of deadlines and presets, in ticks
-_FURTHER = (1.1, 1.25, 1.5, 2, 3, 5, 10)
 #: So many combinations of changes are searched for, of so many changes each at most.
 _COMBINATIONS, _CHANGES = 4, 3
+#: What is said where no such combination helps.
+NO_HELP = (
+    "no help was found: neither fewer stations, a smaller refresh mode, less noise (to a ten thousandth) or "
+    f"easier goals, nor {_CHANGES} of these at once"
+)
 #: A probability of a scan over a deadline from which on it tells nothing.
 _HOPELESS = 0.99
 
@@ -72,7 +73,7 @@ def conflicts(checked: Checked, index: Sequence[int]) -> list[tuple[str, ...]]:
     for size in range(1, len(checked.names) + 1):
         for names in combinations(checked.names, size):
             known = any(set(smaller) <= set(names) for smaller in found)
-            if not known and not checked.possible(names, index):
+            if not known and not checked.shortest(names, index):
                 found.append(names)
     return found
 
@@ -86,7 +87,7 @@ def _conflict(checked: Checked, index: list[int], names: tuple[str, ...]) -> str
     for name in names:
         others = [other for other in names if other != name]
         given = " and ".join(texts[other] for other in others)
-        parts.append(f"with {given}, {_best(checked, index, name, checked.candidates(others)[index])}")
+        parts.append(f"with {given}, {_best(checked, index, name, checked.meeting(others, index))}")
     return f"{' and '.join(texts[name] for name in names)}: not together; {'; '.join(parts)}"
 
 
@@ -128,14 +129,13 @@ def _best(checked: Checked, index: list[int], name: str, among: Mask) -> str:
 
 def _deadline(checked: Checked, index: list[int], among: Mask) -> str:
     """The least deadline that some setting keeps as seldom exceeded as is wanted, rounded up, with it."""
-    chance = (checked.goals.scan or (0, 1.0))[1]
-    found = []
-    for row, column in _shortest(index, among):
-        setting = checked.grid.attempts[row], checked.grid.timeouts[column]
-        views = (view.with_setting(*setting) for view in checked.views)
-        found.append((max(Solved(view).distribution.quantile(chance) for view in views), *setting))
-    time, attempts, timeout = min(found)
-    return f"{ms_at_most(time)} (attempts {attempts}, D8180 {timeout // TIMEOUT_UNIT})"
+    found = [
+        (_least_time(checked, setting, "scan", checked.goals), *setting)
+        for setting in _shortest(index, among)
+    ]
+    time, row, column = min(found)
+    attempts, d8180 = checked.grid.attempts[row], checked.grid.timeouts[column] // TIMEOUT_UNIT
+    return f"{ms_at_most(time)} (attempts {attempts}, D8180 {d8180})"
 
 
 # -- what would help ------------------------------------------------------------------------------
@@ -170,12 +170,9 @@ def helpful_changes(model: LinkModel, goals: Goals) -> list[Change]:
 
 
 def _kinds(model: LinkModel, goals: Goals) -> Iterator[_Kind]:
-    fewer = [
-        count
-        for count in range(len(model.stations) - 1, 0, -1)
-        if any(s.alive for s in model.stations[:count])
-    ]
-    if fewer:
+    if model.dead and model.alive:
+        yield _Kind("", (_complete,))
+    if fewer := range(len(model.stations) - 1, 0, -1):
         yield _Kind("", tuple(partial(_fewer, count) for count in fewer))
     if model.mode:
         yield _Kind("", tuple(partial(_simpler, mode) for mode in range(model.mode - 1, -1, -1)))
@@ -184,7 +181,11 @@ def _kinds(model: LinkModel, goals: Goals) -> Iterator[_Kind]:
     for name in goals.forms():
         if name == "ride" and not goals.ride:
             continue
-        yield _Kind(name, tuple(partial(_with_goals, each) for each in relaxed(model, goals, name)))
+        yield _Kind(name, (partial(_without_limit, name),))
+
+
+def _complete(now: Changed) -> Changed:
+    return now._replace(model=now.model.complete)
 
 
 def _fewer(count: int, now: Changed) -> Changed:
@@ -199,8 +200,8 @@ def _quieter(less: int, now: Changed) -> Changed:
     return now._replace(model=scaled_noise(now.model, 1 / less), less=less)
 
 
-def _with_goals(change: Callable[[Goals], Goals], now: Changed) -> Changed:
-    return now._replace(goals=change(now.goals))
+def _without_limit(name: str, now: Changed) -> Changed:
+    return now._replace(goals=replace(now.goals, **_NO_LIMIT[name]))
 
 
 def _smallest(model: LinkModel, goals: Goals, kinds: Sequence[_Kind]) -> Change | None:
@@ -221,93 +222,68 @@ def _smallest(model: LinkModel, goals: Goals, kinds: Sequence[_Kind]) -> Change 
         return None
     for index, kind in enumerate(kinds):
         tried = [[*steps[:index], step, *steps[index + 1 :]] for step in range(len(kind.steps))]
-        # A goal that is easier to meet is met by whatever met it before.
-        steps = tried[bisect_left(tried, x=True, key=works)] if kind.name else next(filter(works, tried))
+        steps = next(filter(works, tried))
     now = changed(steps)
     for kind in kinds:
         if kind.name:
             now = now._replace(goals=_no_further(now.model, now.goals, kind.name, goals))
     setting = _setting(now.model, now.goals)
-    return (
-        None
-        if setting is None
-        else Change(f"{_changes(model, goals, now)} (then {setting})", now.model, now.goals)
-    )
+    if setting is None:
+        return None
+    timed = model.noise.chains and {kind.name for kind in kinds} & {"scan", "heartbeat"}
+    less = "; with bursts a little less might do with a longer timeout" if timed else ""
+    return Change(f"{_changes(model, goals, now)} (then {setting}{less})", now.model, now.goals)
 
 
 def _no_further(model: LinkModel, goals: Goals, name: str, given: Goals) -> Goals:
-    """The goals with one of them as strict as the others allow, its figure rounded to the safe side."""
-    if name in ("scan", "heartbeat"):
-        return _no_longer(model, goals, name, given)
-    if name == "ride" and not goals.ride:
-        return goals
+    """The goals with one of them, which they leave without a limit, as strict as the others allow.
+
+    Its figure is rounded to the safe side. With bursts a longer timeout than the shortest that meets the
+    others might allow a deadline or a preset to be a little stricter still.
+    """
     checked = evaluate_goals(model, goals)
     index = rows_of(checked, model.reading)
-    others = checked.candidates([each for each in checked.names if each != name])[index]
+    if name in ("scan", "heartbeat"):
+        values = (
+            _least_time(checked, setting, name, given) for setting in checked.shortest(checked.names, index)
+        )
+        return _limited(goals, name, min(values, default=math.inf), given)
+    others = checked.meeting([each for each in checked.names if each != name], index)
     found = best_value(checked, index, name, others)
-    chosen = least([(checked, index)])
-    if found is None or chosen is None:
+    return goals if found is None else _limited(goals, name, found[0], given)
+
+
+def _least_time(checked: Checked, setting: tuple[int, int], name: str, given: Goals) -> float:
+    """The least deadline or preset (ticks) with one setting."""
+    row, column = setting
+    views = [
+        view.with_setting(checked.grid.attempts[row], checked.grid.timeouts[column]) for view in checked.views
+    ]
+    if name == "scan" and given.scan is not None:
+        return max(Solved(view).distribution.quantile(given.scan[1]) for view in views)
+    if given.heartbeat is None:
+        raise ValueError(f"{name} has no limit")
+    return max(least_preset(view, given.heartbeat[1]) for view in views)
+
+
+def _limited(goals: Goals, name: str, value: float, given: Goals) -> Goals:
+    """The goals with one of them limited to a figure, rounded to the safe side, and else as it was given."""
+    if math.isinf(value):
         return goals
-    strict = _limited(goals, name, found[0])
-    if _setting(model, strict):
-        return strict
-    # A heartbeat stands in its way: what the least setting has.
-    return _limited(goals, name, float(checked.values[name][index[chosen[0]], chosen[1]]))
-
-
-def _limited(goals: Goals, name: str, value: float) -> Goals:
-    """The goals with one of them limited to a figure, rounded to the safe side."""
+    ms, tens = (math.ceil(value / unit - 1e-9) * unit for unit in (TICKS_PER_MS, 10 * TICKS_PER_MS))
     match name:
         case "ride":
             return replace(goals, ride=int(value // TICKS_PER_MS) * TICKS_PER_MS)
         case "dead":
-            return replace(goals, dead=int(-(-value // TICKS_PER_MS)) * TICKS_PER_MS)
+            return replace(goals, dead=ms)
+        case "scan":
+            return replace(goals, scan=(ms, (given.scan or (0, 1.0))[1]))
+        case "heartbeat":
+            return replace(goals, heartbeat=(tens, (given.heartbeat or (0, 1.0))[1]))
         case "errors":
-            return replace(goals, errors=_rounded(goals.errors, value))
+            return replace(goals, errors=_rounded(given.errors, value))
         case _:
-            return replace(goals, onsets=_rounded(goals.onsets or 1.0, value))
-
-
-def _no_longer(model: LinkModel, goals: Goals, name: str, given: Goals) -> Goals:
-    """The goals with a deadline or a heartbeat's preset as short as all goals together allow, in its unit.
-
-    With bursts, where each deadline takes distributions of its own, it stays as it was found.
-    """
-    unit = _UNITS[name]
-    high = _limit(goals, name) // unit
-    # The step before did not do.
-    low = max((x for ticks in _longer(model, given, name) if (x := ticks // unit) < high), default=0)
-    low = max(low, min(_limit(given, name) // unit, high - 1))
-    while high - low > 1 and (name == "heartbeat" or model.noise.memoryless):
-        middle = (low + high) // 2
-        tried = _with_limit(goals, name, middle * unit)
-        if _setting(model, tried) is None:
-            low = middle
-        else:
-            high, goals = middle, tried
-    return goals
-
-
-def _longer(model: LinkModel, goals: Goals, name: str) -> list[int]:
-    """Deadlines or presets (ticks) beyond that of a goal, up to one that is longer than two scans can be."""
-    unit = _UNITS[name]
-    longest = 2 * longest_scan(model.with_setting(MAX_RETRIES + 1, model.timeout_range[1] * TIMEOUT_UNIT))
-    first = max(_limit(goals, name), unit)
-    found = [round(first * factor / unit) * unit for factor in _FURTHER]
-    while found[-1] < longest:
-        found.append(2 * found[-1])
-    return [ticks for ticks in dict.fromkeys(found) if ticks > _limit(goals, name)]
-
-
-def _limit(goals: Goals, name: str) -> int:
-    """The deadline or the preset of a goal, in ticks."""
-    return ((goals.scan if name == "scan" else goals.heartbeat) or (0, 1.0))[0]
-
-
-def _with_limit(goals: Goals, name: str, ticks: int) -> Goals:
-    if name == "scan":
-        return replace(goals, scan=(ticks, (goals.scan or (0, 1.0))[1]))
-    return replace(goals, heartbeat=(ticks, (goals.heartbeat or (0, 1.0))[1]))
+            return replace(goals, onsets=_rounded(given.onsets or 1.0, value))
 
 
 def _rounded(given: float, value: float) -> Rate:
@@ -316,28 +292,15 @@ def _rounded(given: float, value: float) -> Rate:
     return Rate(at_most(value / float(Rate(1.0, unit)), 1), unit)
 
 
-def relaxed(model: LinkModel, goals: Goals, name: str) -> list[Callable[[Goals], Goals]]:
-    """What makes one goal easier to meet, the least first; the last step leaves hardly a limit."""
-    match name:
-        case "errors":
-            return [lambda now: replace(now, errors=_no_rate(now.errors))]
-        case "onsets":
-            return [lambda now: replace(now, onsets=_no_rate(now.onsets or 1.0))]
-        case "dead":
-            return [lambda now: replace(now, dead=UNIT_TICKS["y"])]
-        case "ride":
-            return [lambda now: replace(now, ride=1), lambda now: replace(now, ride=0)]
-        case _:
-            return [
-                partial(lambda ticks, now: _with_limit(now, name, ticks), ticks)
-                for ticks in _longer(model, goals, name)
-            ]
-
-
-def _no_rate(given: float) -> Rate:
-    """More a year than there are scans, in the unit of a rate."""
-    unit = Rate.of(given).unit
-    return Rate(1e12 / float(Rate(1.0, unit)), unit)
+#: Each goal without a limit, by its name; of errors more a year than there are scans.
+_NO_LIMIT: dict[str, dict[str, Any]] = {
+    "errors": {"errors": 1e12},
+    "onsets": {"onsets": None},
+    "scan": {"scan": None},
+    "dead": {"dead": None},
+    "ride": {"ride": 0},
+    "heartbeat": {"heartbeat": None},
+}
 
 
 def _setting(model: LinkModel, goals: Goals) -> str | None:
@@ -356,6 +319,8 @@ def _changes(model: LinkModel, goals: Goals, now: Changed) -> str:
         parts.append(
             f"{len(now.model.stations) + 1} stations on the link instead of {len(model.stations) + 1}"
         )
+    if model.alive and len(now.model.dead) < len(model.dead[: len(now.model.stations)]):
+        parts.append("all stations replying")
     if now.model.mode != model.mode:
         parts.append(f"refresh mode {now.model.mode} instead of {model.mode}")
     if now.less > 1:

@@ -263,7 +263,7 @@ def test_stations_that_do_not_reply_are_said_first(
         "station 2 (b): b (pw10) does not have the master's refresh mode 2: it stays out of the link",
         "station 3 (c) never replies: a fault keeps it silent all the time",
         "station 5 does not exist on the link: D8177 = 5 has it polled in vain",
-        "all figures are with that; where a dead station is spoken of, it is one more",
+        "figures of the line as it is are with that; a dead station spoken of is one more",
     ]
     if command == "exact":
         assert any(line.startswith("one more station dead") for line in lines)
@@ -344,3 +344,28 @@ def test_a_time_of_many_ms_is_shown_in_seconds() -> None:
 def test_a_plc_scan_far_from_what_is_usual_is_asked_about() -> None:
     said = CliRunner().invoke(size, ["--stations", "2", "--scan", "6s"]).output
     assert "warning: --scan is 6s, but a PLC's scan is usually 100 us to 200 ms; did you mean 6 ms?" in said
+
+
+def test_errors_and_how_often_they_begin_are_two_figures_of_two_names(tmp_path: Path) -> None:
+    path = tmp_path / "two.yaml"
+    path.write_text(
+        "schema: 1\nname: two meanings\nduration: 60 s\nbuses: [{name: link, nn: true}]\nplcs:\n"
+        "  - {name: main, nn: {bus: link, port: COM4, station: 0, slaves: 1, retries: 0, timeout: 50 ms}}\n"
+        "  - {name: a, nn: {bus: link, port: COM4, station: 1}}\n"
+        "noise: [{bus: link, reply_loss: 0.1}]\n"
+        "faults: [{at: 10 s, for: 10 s, power_off: a}]\n",
+        encoding="utf-8",
+    )
+    wanted = goals("errors<=20/y", "onsets<=10/y")
+    found = sized(str(path), *wanted)
+    assert found["goals"][:2] == [  # type: ignore[index]
+        "false station errors: at most 20 a year",
+        "false station errors that begin: at most 10 a year",
+    ]
+    for choice in found["pareto"]:  # type: ignore[attr-defined]
+        # In error after all attempts, 0.1 each; it began if the scan before had a reply.
+        errors, onsets = (choice[f"false_error{part}_per_year"] for part in ("s", "_onsets"))
+        assert onsets / errors == pytest.approx(1 - 0.1 ** choice["attempts"], rel=1e-6)
+    said = printed(str(path), *wanted)
+    assert "false station errors: " in said
+    assert "false station errors begin: " in said

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from bussim.exact.link import LinkModel
 from bussim.exact.metrics import Request, figures_of
+from bussim.exact.sizing.choice import recommend
 from bussim.exact.sizing.evaluation import (
     evaluate_goals,
     least,
@@ -20,10 +22,11 @@ from bussim.exact.sizing.evaluation import (
     timeout_floor,
 )
 from bussim.exact.sizing.goals import Goals
+from bussim.exact.sizing.grid import evaluate
 from bussim.exact.sizing.noise_levels import LEVELS, OUTAGES, noise_levels_of, scaled_noise, with_level
 from bussim.exact.sizing.size import size
 from bussim.exact.sizing.trade_off import trade_off
-from bussim.exact.sizing.unmet_goals import with_mode
+from bussim.exact.sizing.unmet_goals import helpful_changes, with_mode
 from bussim.plc.profiles import AbsentStation, Attempts, attempts_per_poll
 from tests.exact.links import MS, PROBE, change, link, with_burst
 
@@ -304,7 +307,7 @@ def test_scaled_noise_and_smaller_modes() -> None:
 def test_links_that_cannot_be_sized() -> None:
     odd = replace(link(2), obstacles=("a jabbering station collides with every frame",))
     assert size(odd).reasons == odd.obstacles
-    assert size(link(2).with_dead(1, 2)).reasons == ("no slave replies: there is nothing to size",)
+    assert size(replace(link(2), stations=())).reasons == ("no slave is polled: there is nothing to size",)
 
 
 def test_the_json_form_and_the_neighbours() -> None:
@@ -361,3 +364,44 @@ def test_the_trade_off_without_noise_has_the_assumed_levels() -> None:
         assert [errors for _, errors in dots] == pytest.approx(
             [level.errors[name] for level in sizing.noise_levels.rungs]
         )
+
+
+# -- a line with stations that do not reply ----------------------------------------------------------
+
+
+@pytest.mark.parametrize("dead", [(1,), (2, 3)])
+@pytest.mark.parametrize("goals", [Goals(), Goals(ride=0, errors=10.0), Goals(dead=700 * MS)])
+def test_goals_hold_for_a_line_with_broken_stations_and_for_the_complete_one(
+    dead: tuple[int, ...], goals: Goals
+) -> None:
+    whole = change(link(3, ber=1e-6), 3, extra=5 * MS, scan=40 * MS)
+    timeouts = range(timeout_floor(whole), 300 * MS, 10 * MS)
+    found = []
+    grids = [evaluate(v, range(1, 12), timeouts) for v in noise_views(whole.with_dead(*dead), whole)]
+    for i, j in np.ndindex(11, len(timeouts)):
+        one_dead = max(float(grid.one_dead[i, j]) for grid in grids)
+        met = [grid.errors[i, j] <= goals.errors and grid.silence[i, j] >= goals.ride for grid in grids]
+        if all(met) and one_dead <= (goals.dead or math.inf):
+            found.append((one_dead, i, timeouts[j]))
+    best = recommend(whole.with_dead(*dead), goals)
+    assert (best is None) == (not found)
+    if best is not None:
+        assert (best.dead, best.retries, best.timeout) == min(found)
+
+
+@pytest.mark.slow
+def test_the_repaired_line_wants_an_attempt_more_and_that_is_said() -> None:
+    model = change(link(2, ber=1e-6), 2, scan=12 * MS)
+    sizing, whole = size(model.with_dead(1)), recommend(model, Goals())
+    assert sizing.recommended is not None
+    assert whole is not None
+    assert (sizing.recommended.retries, whole.retries) == (4, 4)
+    assert "the line with all stations replying needs this setting; as it is, D8179 = 3" in sizing.decided
+    help_ = helpful_changes(model.with_dead(1), Goals(dead=400 * MS))[0].text
+    assert help_ == f"all stations replying (then D8179 {whole.retries}, D8180 {whole.d8180})"
+
+
+def test_a_line_on_which_no_slave_replies_is_sized_as_the_complete_one() -> None:
+    sizing = size(link(2, ber=1e-6).with_dead(1, 2))
+    assert sizing.recommended == recommend(link(2, ber=1e-6), Goals())
+    assert "no slave replies" in sizing.decided

@@ -50,6 +50,7 @@ def test_a_wrong_key_hides_no_other_mistake_of_its_plc() -> None:
     assert mistakes(text) == [
         "x.yaml:11:20: scn is not a key here; allowed are name, profile, scan, phase, nn, registers, ports, polls, sources, program, inputs, comments; did you mean scan?",
         "x.yaml:11:32: nn.station is missing",
+        "x.yaml:11:38: nn.bus is 'lin', which is no bus; did you mean link?",
         "x.yaml:11:52: nn.retries is 11, allowed 0..10",
     ]
     text = BASE.replace(
