@@ -72,21 +72,24 @@ class Losses:
 
 
 def losses(stations: Mapping[int, Outcomes]) -> dict[int, Losses]:
-    """Outages by station, and what became of all other attempts."""
-    longest = _SURELY
+    """Outages by station, and what became of all other attempts.
+
+    Runs are judged by the loss of all stations, or by that of their own where it is higher.
+    """
+    longest = dict.fromkeys(stations, _SURELY)
     for _ in range(_ROUNDS):
-        found = {number: _without_outages(number, seen, longest) for number, seen in stations.items()}
+        found = {number: _without_outages(number, seen, longest[number]) for number, seen in stations.items()}
         hits, total = (sum(getattr(each, key) for each in found.values()) for key in ("lost", "trials"))
-        rate = hits / total if total else 0.0
-        limit = _SURELY
-        if 0 < rate < 1:
-            limit = max(2, int(log(_BY_CHANCE / total) / log(rate)) + 1)
-        elif rate == 0:
-            limit = 2
-        if limit == longest:
+        limits = {}
+        for number, each in found.items():
+            rate = max(hits / max(1, total), each.lost / max(1, each.trials))
+            limits[number] = 2 if rate == 0 else _SURELY
+            if 0 < rate < 1:
+                limits[number] = max(2, int(log(_BY_CHANCE / total) / log(rate)) + 1)
+        if limits == longest:
             break
-        longest = limit
-    return {number: _without_outages(number, seen, longest) for number, seen in stations.items()}
+        longest = limits
+    return {number: _without_outages(number, seen, longest[number]) for number, seen in stations.items()}
 
 
 def _without_outages(number: int, seen: Outcomes, longest: int) -> Losses:

@@ -8,6 +8,7 @@ from math import comb, log1p
 import mpmath
 import pytest
 
+from bussim.live.fit.outages import REPLIED, SILENT, Outcomes, losses
 from bussim.live.fit.statistics import (
     Estimate,
     against_uniform,
@@ -99,3 +100,15 @@ def test_means() -> None:
     assert mean([7]).low is None
     with pytest.raises(ValueError, match="no values"):
         mean([])
+
+
+def test_losses_of_one_station_among_many_are_no_outages() -> None:
+    """By the loss of all seven three in a row would be an outage; of such lines one in twenty has them."""
+    outages = 0
+    for seed in range(100):
+        rng, stations = random.Random(seed), {number: Outcomes() for number in range(1, 8)}
+        for number, seen in stations.items():
+            for at in range(400):
+                seen.add(SILENT if number == 2 and at and rng.random() < 0.05 else REPLIED, at, at)
+        outages += bool(losses(stations)[2].outages)
+    assert outages <= 1
