@@ -90,7 +90,10 @@ plcs:
             BASE.replace("slaves: 2", "slaves: 2, mode: 1").replace(
                 "name: press2, ", "name: press2, profile: fx1s, "
             ),
-            ["press2 (fx1s) does not have the master's refresh mode 1: it stays out of the link"],
+            [
+                "press2: a PLC of profile fx1s has COM3, not COM4, which is simulated as if it were there",
+                "press2 (fx1s) does not have the master's refresh mode 1: it stays out of the link",
+            ],
         ),
         (
             read("bad_parameter"),
