@@ -196,7 +196,7 @@ def _commented(device: str, comments: Mapping[str, str]) -> str:
 
 def _exported(name: str, files: Files) -> tuple[str, str]:
     """A file as an instruction list, and what it was taken for. Raises ValueError with a predicate."""
-    from bussim.plc.program.text.exports import listing  # what only a scenario with programs pays
+    from bussim.plc.program.text.exports import INSTRUCTION_LIST, listing  # what only programs pay
 
     content = files.read(name, MAX_EXPORT, coded=True)
     if not content.strip():
@@ -208,8 +208,10 @@ def _exported(name: str, files: Files) -> tuple[str, str]:
             f"program; it goes to comments: {shorten(name)}, export the program itself"
         )
     text = found.text
-    if len(text.encode()) > MAX_PROGRAM:
-        text = re.sub("(?m)^ +", "", text)  # columns are dispensable
+    # Columns are dispensable, and notes of an export, whose comments are its only semicolons.
+    for dispensable in ("(?m)^ +", "(?m) *;.*$")[: 1 + (found.kind != INSTRUCTION_LIST)]:
+        if len(text.encode()) > MAX_PROGRAM:
+            text = re.sub(dispensable, "", text)
     if len(text.encode()) > MAX_PROGRAM:
         raise ValueError(f"is {shorten(name)}, which has more than {MAX_PROGRAM >> 10} KiB")
     coding = files.codings.get(name, "UTF-8")

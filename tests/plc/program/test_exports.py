@@ -239,6 +239,17 @@ def test_a_mistake_in_a_table_has_its_line_and_column(tmp_path: Path) -> None:
     assert found[0].message == "OUT X001: X is an input; a program can only read it"
 
 
+def test_long_notes_do_not_make_a_program_too_long(tmp_path: Path) -> None:
+    rows = [
+        (at, ("OUT" if at % 2 else "LD"), f"M{at}", "コンベヤの起動条件を確認する" * 12) for at in range(298)
+    ]
+    found = examine(scenario(tmp_path, gx_works2([*rows, (298, "END", "", "")]))).scenario
+    assert found is not None
+    assert found.plcs[0].program is not None
+    assert len(found.plcs[0].program.instructions) == 299
+    assert "コンベヤ" not in found.plcs[0].program.text  # kept where there is room
+
+
 def test_columns_of_a_heading_need_no_quotes(tmp_path: Path) -> None:
     text = _table(START_STOP, ";", 7, heads=HEADS).replace('"', "")
     found = examine(scenario(tmp_path, text.encode())).scenario

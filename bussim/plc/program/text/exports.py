@@ -31,6 +31,8 @@ _HEADS = {
     "comment": ("comment", "コメント", "注释", "註解", "注解", "软元件注释"),
     "name": ("device", "devicename", "デバイス", "デバイス名", "软元件", "软元件名", "軟元件名"),
 }
+#: The kind of what is no table.
+INSTRUCTION_LIST = "an instruction list"
 _DELIMITERS = {"\t": "tabs", ";": "semicolons", ",": "commas"}
 _QUOTED = re.compile(r'"((?:[^"]|"")*)"?')
 _OPERAND = re.compile(r"(?:[XYMSTCDR]|TN|TS|CN|CS)[0-9]+", re.ASCII)
@@ -72,7 +74,7 @@ def listing(text: str, *, family: Family = Family.FX3U) -> Listing:
     wide = sum(len(row) > 4 or line.startswith('"') for row, line in zip(rows, lines, strict=True) if row)
     if "instruction" not in where and (2 * wide < len(filled) or not named):
         plain = (";" + line[1:] if _PRINTED.fullmatch(line) else line for line in lines)
-        return Listing("an instruction list", "\n".join(plain))
+        return Listing(INSTRUCTION_LIST, "\n".join(plain))
     at = where["instruction"] if "instruction" in where else _busiest(filled)
     device = where.get("device", at + 1)
     done = (_plain(row, at, device, body=number >= head) for number, row in enumerate(rows))
