@@ -298,10 +298,11 @@ class Outcome(StrEnum):
     DAMAGED = "damaged"
     WRONG = "wrong"
     NOT_READY = "not_ready"
-    # Of requests: no such station; received damaged; received, and no reply; a reply that did not arrive, or
-    # arrived damaged.
+    # Of requests: no such station; received damaged, or undamaged as a part of another frame; received, and
+    # no reply; a reply that did not arrive, or arrived damaged.
     MISSING = "missing"
     GARBLED = "garbled"
+    JOINED = "joined"
     SILENT = "silent"
     REPLY_LOST = "reply_lost"
     REPLY_DAMAGED = "reply_damaged"

@@ -13,7 +13,7 @@ from bussim.trace.records import Outcome
 class Exchange:
     """How many had each outcome; ``failed``: times from the first such one to the next good one (ticks).
 
-    ``requests``: of those that failed up to the next good one most have the cause of all.
+    ``requests``: of those that failed up to the next good one most have the cause of all, and count.
     """
 
     requests: bool = False
@@ -34,6 +34,8 @@ class Exchange:
         """A good one begins, or the run ends."""
         if self.requests and self._open:
             most = max(self._open, key=lambda outcome: self._open[outcome][1])
+            for outcome in self._open.keys() - {most}:
+                self.counts[outcome] -= self._open[outcome][1]
             self._open = {most: min(self._open.values())}
         for outcome, (since, _) in self._open.items():
             self.failed.setdefault(outcome, Times()).add(since, tick)

@@ -54,38 +54,38 @@ class LinkMember(NamedTuple):
 
 @dataclass(slots=True)
 class Times:
-    """How often something was, for how long in all, and when and for how long it lasted longest."""
+    """How often something was, from when to when, for how long in all, and when it lasted longest."""
 
     number: int = 0
+    first: int = 0
+    last: int = 0
     total: int = 0
     longest: int = 0
     at: int = 0
 
     def add(self, start: int, end: int) -> None:
         """Count a time from ``start`` to ``end``."""
-        if not self.number or end - start > self.longest:
-            self.longest, self.at = end - start, start
-        self.number += 1
-        self.total += end - start
+        self.join(Times(1, start, end, end - start, end - start, start))
 
     def join(self, other: Times) -> None:
         """Count the times of another one, too."""
-        if other.longest > self.longest:
+        if not self.number or other.longest > self.longest:
             self.longest, self.at = other.longest, other.at
+        self.first = min(self.first, other.first) if self.number else other.first
+        self.last = max(self.last, other.last)
         self.number += other.number
         self.total += other.total
 
 
 @dataclass(slots=True)
 class Irregular:
-    """How often a node's driver disturbed a bus in one way, when for the first and last time.
+    """How often a node's driver disturbed a bus in one way, and when for the last time.
 
     What comes less than a second after what was before belongs to the same time: ``since`` when the latest
     began; ``past`` are those before it.
     """
 
     number: int = 0
-    first: int = 0
     last: int = 0
     since: int = 0
     past: Times = field(default_factory=Times)
@@ -105,7 +105,7 @@ def note_irregular(irregulars: Irregulars, node: str, what: str, tick: int) -> N
     """Count what a node's driver did."""
     found = irregulars.get((node, what))
     if found is None:
-        found = irregulars[node, what] = Irregular(first=tick, since=tick)
+        found = irregulars[node, what] = Irregular(since=tick)
     elif tick - found.last >= TICKS_PER_SECOND:
         found.past.add(found.since, found.last)
         found.since = tick

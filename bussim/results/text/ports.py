@@ -128,7 +128,8 @@ def _poll(poll: Mapping[str, Any]) -> str:
         words += f"; response {times_in_words(poll['response_ms'])}"
     age = poll["age_ms"]
     if age is not None:
-        oldest = age.get("oldest", age["open"])  # a folder of an earlier version does not have it
+        # A folder of an earlier version does not have it.
+        oldest = age.get("oldest", max(age["open"], age["before_refresh"]["max"] or 0))
         still = ", still so at the end" if oldest == age["open"] else ""
         words += f"; data up to {oldest:.3f} ms old{still}"
     return words

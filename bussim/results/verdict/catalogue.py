@@ -96,8 +96,8 @@ SENTENCES: Mapping[str, Sentence] = {
     ),
     "master_damaged": _fault(
         "{bus}: damage that counts as that of frames of the master {master} ({error} = 14H, {count} counted, "
-        "{flag} on until its next sound frame) came to {stations:counts}; where {flag} was on longest, it "
-        "was on {when:when}."
+        "{flag} on until its next sound frame) came to {stations:counts}: noise, lost characters, another "
+        "sender, rate or format, or frames cut short; where {flag} was on longest, it was on {when:when}."
     ),
     "two_masters": _fault("{bus} has {number:n} masters, {masters:list}: their frames collide."),
     "same_number": _fault(
@@ -228,6 +228,12 @@ SENTENCES: Mapping[str, Sentence] = {
     ),
     "request_deaf": _fault(_request("{peer} was at work and received no character of them" + _CUT)),
     "request_garbled": _fault(_request("{peer} received them damaged" + _DAMAGE)),
+    "request_joined": _fault(
+        _request(
+            "{peer} received them together with another frame, as the silence between them was too short: "
+            "{node} began too early, or a late reply came"
+        )
+    ),
     "request_silent": _fault(_request("{peer} received them whole and sent no reply in time")),
     "request_reply_lost": _fault(_request("{peer} replied, and nothing of that arrived" + _CUT)),
     "request_reply_damaged": _fault(_request("replies of {peer} arrived damaged" + _DAMAGE)),
@@ -290,9 +296,10 @@ SENTENCES: Mapping[str, Sentence] = {
     "without_supply": Sentence("without supply"),
     "in_stop": Sentence("in STOP"),
     "once": Sentence("from {from_s:.3f} s on for {for_s:.3f} s"),
+    "at_once": Sentence("at {from_s:.3f} s"),
     "several_times": Sentence(
-        "{times:n} times, for {total_s:.3f} s in all, the longest time from {from_s:.3f} s on for "
-        "{for_s:.3f} s"
+        "{times:n} times between {first_s:.3f} s and {last_s:.3f} s, for {total_s:.3f} s in all, the longest "
+        "time from {from_s:.3f} s on for {for_s:.3f} s"
     ),
     "and": Sentence(" and "),
     "then": Sentence(", then "),
@@ -379,7 +386,8 @@ class _Text(Formatter):
                 *others, last = value
                 return render("and", lang=self._lang).join([", ".join(others), last] if others else [last])
             case "when":
-                return render("once" if value["times"] == 1 else "several_times", value, self._lang)
+                key = "several_times" if value["times"] > 1 else "once" if value["for_s"] else "at_once"
+                return render(key, value, self._lang)
             case "part":
                 return render(value, lang=self._lang)
             case "devices":

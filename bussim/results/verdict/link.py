@@ -141,12 +141,13 @@ class _Link:
             found.setdefault((self._lost_key(lost), tuple(lost["stations"])), []).append(lost)
         for (key, stations), every in found.items():
             longest = max(every, key=lambda lost: lost["for_s"])
-            missed, total = (sum(lost[name] for lost in every) for name in ("scans_missed", "for_s"))
-            when = {"times": len(every), "total_s": round(total, 6)}
-            when |= {"from_s": longest["from_s"], "for_s": longest["for_s"]}
+            missed, when = sum(lost["scans_missed"] for lost in every), Times()
+            for lost in every:
+                start, lasts = (round(lost[name] * TICKS_PER_SECOND) for name in ("from_s", "for_s"))
+                when.add(start, start + lasts)
             values = {"bus": bus, "master": self._master, **longest, "stations": [*stations]}
             names = self._own_names(stations or [plc for plc in self._registers if plc != self._master])
-            yield key, {**values, "scans_missed": missed, "when": when, **names}
+            yield key, {**values, "scans_missed": missed, "when": in_all(when), **names}
 
     def _lost_key(self, lost: Mapping[str, Any]) -> str:
         """Which sentence a time without the master has."""

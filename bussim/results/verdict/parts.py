@@ -43,6 +43,8 @@ def in_all(times: Times) -> dict[str, Any]:
     """Times as a value of the format ``when``."""
     return {
         "times": times.number,
+        "first_s": s(times.first),
+        "last_s": s(times.last),
         "total_s": s(times.total),
         "from_s": s(times.at),
         "for_s": s(times.longest),
@@ -100,10 +102,9 @@ def driver_findings(bus: str, collisions: int, irregular: Irregulars, *, known: 
                     number = met.number if met else 0
                 times = found.times()
                 if not times.total:  # single frames further apart
-                    times = Times()
-                    times.add(found.first, found.last)
-                when = {"from_s": s(found.first), "to_s": s(found.last), "when": in_all(times)}
-                yield key, {"bus": bus, "node": node, "frames": number, **when}
+                    first, last, times = times.first, times.last, Times()
+                    times.add(first, last)
+                yield key, {"bus": bus, "node": node, "frames": number, "when": in_all(times)}
     if collisions and not known:
         senders = sorted(node for node, kind in irregular if kind == IN_FRAME)
         if senders:

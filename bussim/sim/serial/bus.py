@@ -28,8 +28,8 @@ class SerialBus(Line):
         super().__init__(name, timing, sink, reporter)
         #: Nodes that have received a whole frame and wait for the silence that ends it.
         self.waiting: set[SerialStation] = set()
-        # The latest that ended: at most so many characters make a frame, each perhaps sent by itself.
-        self._delivered: deque[Transmission] = deque(maxlen=_PIECES)
+        #: The latest that ended: at most so many characters make a frame, each perhaps sent by itself.
+        self.delivered: deque[Transmission] = deque(maxlen=_PIECES)
         self.replies = Replies()
         self.messages = Messages(self._became)
 
@@ -90,14 +90,14 @@ class SerialBus(Line):
             self.undetected_frames += 1
 
     def _deliver(self, frame: WireFrame, tx: Transmission, now: int) -> None:
-        self._delivered.append(tx)
+        self.delivered.append(tx)
         super()._deliver(frame, tx, now)
 
     def accepted(self, reading: Reading) -> None:
         """See the line; what was sent undamaged may have been a part of a message, or several of them."""
         origin = reading.origin
         if reading.sender is None and origin is not None:
-            heard = [*(tx for tx in self._delivered if tx is not origin), origin]
+            heard = [*(tx for tx in self.delivered if tx is not origin), origin]
             parts = [tx for tx in heard if reading.start < tx.end and tx.start < reading.now]
             sent = [(tx.start, tx.frame.chars) for tx in heard if tx.frame is not None]
             sound = not any(tx.damaged or tx.collided or tx.cut for tx in parts)

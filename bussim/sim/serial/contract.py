@@ -12,7 +12,7 @@ from collections.abc import Collection
 from typing import NamedTuple
 
 from bussim.engines.free.events import FreeEvent
-from bussim.engines.modbus.events import MasterEvent, PollEvent, SlaveEvent
+from bussim.engines.modbus.events import FrameRejected, MasterEvent, PollEvent, SlaveEvent
 from bussim.sim.wire.node import Node
 
 #: Replies that are remembered: more than can lie between a reply and the END that takes it over.
@@ -93,9 +93,15 @@ class SerialStation(Node):
     stations: Collection[int] = ()
     #: When its engine began to run.
     engine_since = 0
+    #: The latest that it rejected.
+    rejected: FrameRejected | None = None
     #: Those of its bus.
     replies: Replies
 
     @abstractmethod
     def resume_reception(self) -> None:
         """Characters come before the silence is over: the receiver goes on from where the frame ended."""
+
+    @abstractmethod
+    def came_sound(self, start: int, peer: SerialStation) -> bool:
+        """Whether what it sent from ``start`` on, of late, came to another node as it was sent."""

@@ -106,6 +106,12 @@ class SerialNode(SerialStation):
         self._silence_timer.cancel()
         self.receiver.hold(self._received_until)
 
+    def came_sound(self, start: int, peer: SerialStation) -> bool:
+        """See the base class."""
+        sent = (tx for tx in self.bus.delivered if tx.start == start and tx.sender is self)
+        alike = self.nominal and peer.nominal and self.bus.connected(self, peer)
+        return alike and any(tx.sound_for(peer.position) for tx in sent)
+
     def halt(self, now: int) -> None:
         """STOP or power-off: see the base class."""
         super().halt(now)

@@ -50,8 +50,13 @@ def _request_outcome(node: SerialStation, event: TransactionEnded) -> tuple[str,
     if reply is not None and reply.end <= event.end:
         damaged = event.error is not PortError.TIMEOUT or node.receiver.heard_at > reply.start
         return name, Outcome.REPLY_DAMAGED if damaged else Outcome.REPLY_LOST
-    if reply is not None or sent <= peer.engine.heard_start < (event.asked or 0):
+    asked = event.asked or 0
+    if reply is not None or sent <= peer.engine.heard_start < asked:
         return name, Outcome.SILENT
+    if node.came_sound(sent, peer):
+        rejected = peer.rejected
+        joined = rejected is not None and rejected.start < asked <= rejected.tick
+        return name, Outcome.JOINED if joined else Outcome.SILENT
     return name, Outcome.GARBLED if peer.receiver.heard_at > sent else Outcome.DEAF
 
 
@@ -84,6 +89,7 @@ class SerialReporter(Notes):
                 if event.exception:
                     counts.exceptions[event.exception] += 1
             case FrameRejected():
+                node.rejected = event
                 counts.rejected[event.reason.value] += 1
             case StationRefused(tick, station):
                 text = f"station {station} is outside 1..247: it stays silent"

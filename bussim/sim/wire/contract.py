@@ -296,6 +296,11 @@ class Transmission:
         """Whether what reaches the wire is not the frame back to back, in every receiver."""
         return bool(self.flips or self.pauses) or self.frame is None or self.chars is not self.frame.chars
 
+    def sound_for(self, position: int) -> bool:
+        """Whether nothing that disturbs a frame came to a receiver beside it."""
+        hit = {*(self.rx_flips or ()), *(self.rx_chars or ())}
+        return not (self.corrupted or self.collided or self.cut) and position not in hit
+
     def pause(self, index: int, ticks: int) -> None:
         """Wait so long after the character at an index."""
         pauses = dict(self.pauses)

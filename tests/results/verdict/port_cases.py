@@ -170,6 +170,36 @@ def two_devices_with_one_number(draw: random.Random) -> Case:
     return Case(bus, "same_number", {"plcs": ["drive", "twin"], "station": 1}, others)
 
 
+def panel_that_begins_too_early(draw: random.Random) -> Case:
+    """A slave has the other one's reply and its own request as one frame."""
+    polls = [{"station": station, "function": 3, "address": 0, "count": 10} for station in (1, 2)]
+    panel = {"name": "panel", "model": "hmi", "bus": "drives", "silence": "1 ms", "interval": "0 ms"}
+    slaves = [
+        {
+            "name": f"cpu{station}",
+            "scan": f"{draw.randint(3, 12)} ms",
+            "ports": {"COM2": {"bus": "drives", "protocol": "modbus-rtu-slave", "station": station}},
+        }
+        for station in (1, 2)
+    ]
+    bus = modbus(draw) | {"plcs": slaves, "devices": [{**panel, "polls": polls}]}
+    bus["buses"][0]["baud"] = 9600
+    return Case(
+        bus, "request_joined", {"node": "panel", "peer": "cpu2.COM2"}, frozenset({"requests_ignored"})
+    )
+
+
+def late_response_that_meets_a_request(draw: random.Random) -> Case:
+    """A second device has a request and the first one's late reply as one frame."""
+    bus = modbus(draw, delay=20, timeout="10 ms")
+    bus["buses"][0]["baud"] = 19200
+    bus["plcs"][0]["scan"] = "2 ms"
+    bus["plcs"][0]["polls"][1]["station"] = 2
+    bus["devices"].append({**bus["devices"][0], "name": "meter", "station": 2, "delay": "1 ms"})
+    others = frozenset({"no_own_data", "late", "request_silent", "requests_ignored"})
+    return Case(bus, "request_joined", {"peer": "meter"}, others)
+
+
 def readers(draw: random.Random) -> Data:
     """Two barcode readers with a protocol of their own: one sends by itself, the other one replies."""
     port = {"protocol": "free", "end": "\r", "timeout": "200 ms", "eight_bit": True}
@@ -264,6 +294,8 @@ PORT_CASES: tuple[Callable[[random.Random], Case], ...] = (
     replies_that_lose_a_character,
     device_that_is_missing,
     two_devices_with_one_number,
+    panel_that_begins_too_early,
+    late_response_that_meets_a_request,
     cut_to_a_reader,
     cut_to_a_reader_that_replies,
     codes_that_lose_a_character,

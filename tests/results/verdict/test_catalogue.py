@@ -57,7 +57,7 @@ _VALUES: Mapping[str, Any] = {
     "cause": "station 1 (a): 6 attempts, all 01; parameter frame",
     "part": "in_stop",
     "d": 7348,
-    "when": {"times": 2, "total_s": 3.5, "from_s": 1.25, "for_s": 2.0},
+    "when": {"times": 2, "first_s": 1.25, "last_s": 9.5, "total_s": 3.5, "from_s": 1.25, "for_s": 2.0},
     "devices": {"D8203": 2, "D8211": 0x14, "M8183": 1},
     "serial": 7309,
     "g": 20,

@@ -106,6 +106,30 @@ def test_the_cause_is_named_whatever_the_draw(
         assert when["from_s"] + when["for_s"] == pytest.approx(at + lasts, abs=1.1)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_as_many_requests_are_given_a_cause_as_failed_in_its_times(seed: int, tmp_path: Path) -> None:
+    """Under noise requests and replies fail by turns."""
+    bus = modbus(random.Random(seed))
+    bus["buses"][0]["baud"] = 19200
+    impulses = {"every": "20 ms", "width": "300 us", "ber": 0.5}
+    bus["noise"] = [{"bus": "drives", "impulse": impulses, "at": "3 s", "for": "5 s"}]
+    summary, trace = traced(bus, tmp_path)
+    failed = [line["sent"] / TICKS for line in trace if line["type"] == "transaction" and line["error"]]
+    told = [item["values"] for item in faults(summary["verdict"]) if item["key"].startswith("request_")]
+    assert {item["node"] for item in told} == {"press.COM3"}
+    for item in told:
+        when = item["when"]
+        assert when["times"] <= item["requests"]
+        within = [tick for tick in failed if when["first_s"] - 1e-6 <= tick <= when["last_s"]]
+        assert item["requests"] <= len(within)
+        assert when["times"] > 1 or when["first_s"] == when["from_s"]
+        assert (
+            2.9 < when["first_s"] <= when["from_s"] < when["from_s"] + when["for_s"] <= when["last_s"] + 1e-6
+        )
+        assert when["last_s"] < 9
+    assert sum(item["requests"] for item in told) <= len(failed)
+
+
 def test_broadcasts_alone_want_no_response(tmp_path: Path) -> None:
     bus = modbus(random.Random(2))
     bus["plcs"][0]["polls"] = [

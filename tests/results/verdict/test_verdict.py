@@ -156,7 +156,7 @@ def test_a_jabber_within_a_cut_takes_no_cause_away_and_each_time_counts(tmp_path
     assert (when["times"], when["from_s"]) == (2, pytest.approx(6, abs=0.05))
     assert when["for_s"] == pytest.approx(1, abs=0.05)
     assert when["total_s"] == pytest.approx(1.3, abs=0.1)
-    assert (jabber["from_s"], jabber["to_s"]) == (pytest.approx(6, abs=0.05), pytest.approx(17.3, abs=0.05))
+    assert (when["first_s"], when["last_s"]) == (pytest.approx(6, abs=0.05), pytest.approx(17.3, abs=0.05))
 
 
 def test_equal_outages_are_one_sentence_and_stations_stay_apart(tmp_path: Path) -> None:
