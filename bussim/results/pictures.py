@@ -16,7 +16,7 @@ from bussim.results.store.safe_names import file_names
 def draw_run(record: RunRecord, folder: Path) -> list[Path]:
     """Draw a run's pictures as PNG and SVG into its folder; returns the PNGs' paths.
 
-    Each file is written as a whole. Raises UsageError where one cannot be written.
+    Each file is written as a whole; raises as :func:`bussim.files.written_whole`.
     """
     return [picture.save_both(folder / stem)[0] for stem, picture in _pictures(record)]
 

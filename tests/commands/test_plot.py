@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from bussim.api import open_run
 from bussim.cli import main
 from tests.undrawn import undrawn
 
@@ -148,6 +149,7 @@ def test_several_runs_share_the_panels(runs: Path, capsys: pytest.CaptureFixture
 @pytest.mark.slow
 @pytest.mark.usefixtures("here")
 def test_latencies_are_drawn_too(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    open_run(runs / "words1").save_plots()
     drawn_by_run = (runs / "words1" / "latency_preset.png").read_bytes()
     capsys.readouterr()
     assert main(["plot", str(runs / "words1"), "--out", "all"]) == 0
