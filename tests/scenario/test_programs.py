@@ -524,6 +524,17 @@ UNGUARDED = "without its error flag M8184: while that station is away the bit st
         ("LDI M8184\nMOV D32 D100", None),
         ("LD M8184\nMOV D32 D100", 8),
         ("LD M8000\nMOV D36 D100", None),  # no word of mode 1
+        # A relay that follows the flag guards as well, where one OUT alone sets it in every scan.
+        ("LDI M8184\nOUT M60\nLD M1064\nAND M60\nOUT Y0", None),
+        ("LD M8184\nOUT M60\nLD M1064\nANI M60\nOUT Y0", None),
+        ("LDI M8184\nAND X0\nOUT M60\nLD M60\nMOV D32 D100", None),
+        ("LD M8184\nOR X0\nOUT M60\nLDI M60\nOUT M61\nLD M61\nMOV D32 D100", None),
+        ("LDI M8184\nOUT M60\nLD M1064\nANI M60\nOUT Y0", 9),
+        ("LD M8184\nAND X0\nOUT M60\nLD M1064\nANI M60\nOUT Y0", 10),
+        ("LDI M8184\nOUT M60\nLD X0\nSET M60\nLD M1064\nAND M60\nOUT Y0", 11),
+        ("LDI M8184\nOUT M60\nLD X0\nMOV K1 D300Z0\nLD M1064\nAND M60\nOUT Y0", 11),
+        ("LD X1\nCJ P0\nLDI M8184\nOUT M60\nP0\nLD M1064\nAND M60\nOUT Y0", 12),
+        ("LDI M8184\nSET M60\nLD M1064\nAND M60\nOUT Y0", 9),
     ],
 )
 def test_check_names_shared_bits_that_are_taken_without_the_error_flag(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
@@ -222,10 +223,10 @@ def _check_rungs(program: Program, member: Member, members: list[Member], report
                 other = f"{first.name} at line {first.line}"
                 message = f"{at.name} drives port {port} while {other} does, which keeps it (assumed)"
                 _warn_at(member, at, message, report, in_runs=False)
-    link = link_of(member, members)
+    link, relays = link_of(member, members), _relays(program, rungs)
     for station, block in blocks_of(member, members).items():
         flag = Device("M", member.profile.devices.first_flag + station)
-        found = _taken_while_away(rungs, flag, block) if station != member.station else []
+        found = _taken_while_away(rungs, flag, block, relays) if station != member.station else []
         for at, device in found[:1]:
             also = "".join(f"; also at line {each.line}" for each, _ in found[1:5])
             kept = "word" if device.is_word else "bit"
@@ -236,21 +237,46 @@ def _check_rungs(program: Program, member: Member, members: list[Member], report
             _warn_at(member, at, message, report, in_runs=False)
 
 
+def _relays(program: Program, rungs: list[tuple[list[Condition], list[Instruction]]]) -> dict[int, Device]:
+    """The M that one OUT alone writes, in every scan, by its number; none with CALL, STL or an index."""
+    from bussim.plc.program.text.catalog import Flow
+    from bussim.plc.program.text.operand_checks import extents
+
+    for at in program.instructions:
+        if at.spec.flow in (Flow.CALL, Flow.STL) or any(each.index for each in at.operands):
+            return {}
+    touched = (extent for _, outputs in rungs for at in outputs for extent in extents(at))
+    bits = (each for each in touched if each.writes and each.letter == "M")
+    writes = Counter(address for each in bits for address in range(each.first, each.last + 1))
+    plain = (
+        at for conditions, outputs in rungs if len(conditions) == 1 for at in outputs if at.name == "OUT"
+    )
+    coils = {at.number: at.operands[0].device for at in plain if at.operands[0].kind == "M"}
+    return {number: device for number, device in coils.items() if writes[device.address] == 1}
+
+
 def _taken_while_away(
-    rungs: list[tuple[list[Condition], list[Instruction]]], flag: Device, block: BlockRange
+    rungs: list[tuple[list[Condition], list[Instruction]]],
+    flag: Device,
+    block: BlockRange,
+    relays: Mapping[int, Device],
 ) -> list[tuple[Instruction, Device]]:
     """What is read of a station's block by rungs that act while its error flag is on."""
     from bussim.plc.program.text.operand_checks import extents
     from bussim.scenario.signals.network import Remaining, remaining
 
+    levels = {flag: True}
+
     def level(at: Instruction) -> bool | None:
-        known = at.operands[0].device == flag and at.spec.test in ("on", "off")
-        return at.spec.test == "on" if known else None
+        known = levels.get(at.operands[0].device) if at.spec.test in ("on", "off") else None
+        return None if known is None else known is (at.spec.test == "on")
 
     taken: dict[Instruction, Device] = {}
     earlier: dict[int, Remaining] = {}
     for conditions, outputs in rungs:
         found = [remaining(condition, level, earlier) for condition in conditions]
+        if isinstance(found[0], bool):
+            levels.update((relays[at.number], found[0]) for at in outputs if at.number in relays)
         if any(each is False for each in found):
             continue
         readers = [at for each in found if isinstance(each, list) for at in each]
