@@ -41,6 +41,15 @@ def shorten(text: str) -> str:
     return text if len(text) <= _SHOWN else text[: _SHOWN - 1] + "…"
 
 
+def visible(text: str) -> str:
+    """A text of someone else's without anything that a terminal would obey: that stands in escapes."""
+    if text.isprintable():
+        return text
+    return "".join(
+        char if char.isprintable() else char.encode("unicode_escape").decode("ascii") for char in text
+    )
+
+
 def show(value: object) -> str:
     """A value as the user wrote it, short: text in quotes, true and false as YAML has them."""
     if isinstance(value, RawInt | RawFloat):

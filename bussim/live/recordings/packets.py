@@ -19,6 +19,7 @@ from bussim.live.arrival import placed
 from bussim.live.recordings.errors import RecordingError
 from bussim.live.recordings.source import Chunk, Facts, LineSetup, Source
 from bussim.units import TICKS_PER_SECOND
+from bussim.wording import visible
 
 _SECTION = 0x0A0D0D0A
 _INTERFACE, _SIMPLE, _ENHANCED = 1, 3, 6
@@ -167,7 +168,7 @@ class PacketReader:
         found = Interface(struct.unpack(self._order + "H", body[:2])[0])
         for code, value in self._options(body[8:]):
             if code == _OPTION_NAME:
-                found = found._replace(name=value.decode("utf-8", "replace"))
+                found = found._replace(name=visible(value.decode("utf-8", "replace")))
             elif code == _OPTION_RESOLUTION and value:
                 exponent = value[0] & 0x7F
                 if exponent > (63 if value[0] & 0x80 else 18):

@@ -23,11 +23,12 @@ from bussim.live.recordings.errors import RecordingError
 from bussim.live.recordings.source import Chunk, Facts, LineSetup, Source
 from bussim.live.recordings.waveform import SPIKE, Receiver
 from bussim.units import TICKS_PER_SECOND
+from bussim.wording import visible
 
 if TYPE_CHECKING:
     import numpy as np
 
-_RATE = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([kKMG]?)\s*(?:Hz)?\s*")
+_RATE = re.compile(r"\s*(\d{1,15}(?:\.\d{1,15})?)\s*([kKMG]?)\s*(?:Hz)?\s*")
 _SCALES = {"": 1, "k": 1_000, "K": 1_000, "M": 1_000_000, "G": 1_000_000_000}
 #: Samples that are read at once.
 _BLOCK = 1 << 18
@@ -118,7 +119,7 @@ class SigrokFile(Source):
             raise RecordingError(f"{self._name}: {self.rate} samples a second of {unit[:8]} bytes")
         #: Channels by name, with the number of their bit.
         self.channels = {
-            section[key].strip(): int(key[5:]) - 1
+            visible(section[key].strip()): int(key[5:]) - 1
             for key in section
             if re.fullmatch(r"probe\d{1,2}", key) and 1 <= int(key[5:]) <= 8 * self._unit
         }
