@@ -59,7 +59,11 @@ class PlcProbe:
         if not count:
             if isinstance(fault, Halt):
                 kind, note = "program_stopped", fault.text
-                text = f"{name}'s program stopped at {seconds(fault.tick):.3f} s: {note}; {_STANDS_STILL}"
+                # The run, or RUN, may be over before the time that the scan takes.
+                stopped = f"stopped at {seconds(fault.tick):.3f} s"
+                if fault.tick > now:
+                    stopped = f"was at {seconds(now):.3f} s in a scan that it cannot finish"
+                text = f"{name}'s program {stopped}: {note}; {_STANDS_STILL}"
             else:
                 kind, note = "program_error", fault.text(self._program)
                 text = f"{name}'s program met an error in the scan up to {seconds(now):.3f} s: {note}"

@@ -109,3 +109,12 @@ def test_a_healthy_program_reports_nothing() -> None:
     totals, notes = met("LD X1 / OUT Y0 / END")
     assert reported(totals) == []
     assert not [note for note in notes if note.kind.startswith("program")]
+
+
+def test_a_halt_that_the_run_or_stop_forestalls_has_no_instant_after_it() -> None:
+    """The watchdog would expire 200 ms after the END that sees X2 on: at 3.198 s, or after STOP at 1.1 s."""
+    (warning,) = reported(met("P1 / LD X2 / CJ P1 / END")[0])
+    assert warning.startswith("press3's program was at 3.000 s in a scan that it cannot finish: its scan exc")
+    faults = "faults:\n  - {at: 1.1 s, for: 1900 ms, stop: press3}\n"
+    (warning,) = reported(met("P1 / LD X1 / CJ P1 / END", faults=faults)[0])
+    assert warning.startswith("press3's program was at 1.100 s in a scan that it cannot finish")
