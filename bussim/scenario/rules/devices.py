@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from bussim.devices.forms import DeviceIn, MasterIn
+from bussim.devices.free.model import FreeIn
+from bussim.devices.free.scripted import MOST_WAITING
 from bussim.engines.modbus.adu import Mode
 from bussim.line.characters import LineTiming
 from bussim.scenario.resolve.buses import Line
@@ -10,11 +12,13 @@ from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.rules.buses import understood
 from bussim.scenario.schema.draft import Entry, readable
 from bussim.scenario.yaml.source_map import Report
-from bussim.units import format_ms
+from bussim.units import format_ms, format_time
+from bussim.wording import counted
 
 
 def check_devices(resolved: Resolved, report: Report) -> None:
     """Check every entry of ``devices``."""
+    loads: dict[str, float] = {}
     for entry, device in readable(resolved.draft.devices):
         if not device.known:
             continue
@@ -24,6 +28,8 @@ def check_devices(resolved: Resolved, report: Report) -> None:
             report.error((*entry.path, "bus"), f"is {line.name}, {nothing_else}")
         elif line is not None and not line.entry.lost("nn", "baud", "format"):
             _check_line(entry, device, line, report)
+            if isinstance(device, FreeIn):
+                _check_load(entry, device, line, loads, report)
         device.check(entry, resolved.code.find, report)
 
 
@@ -54,6 +60,25 @@ def _check_line(entry: Entry[DeviceIn], device: DeviceIn, bus: Line, report: Rep
             f"{device.name} runs at {timing.format}; a {port.name} has "
             f"{', '.join(map(str, port.formats))} only",
         )
+
+
+def _check_load(
+    entry: Entry[DeviceIn], device: FreeIn, bus: Line, loads: dict[str, float], report: Report
+) -> None:
+    """Warn of the message with which what is sent again and again takes more than all of the time."""
+    for number, message in enumerate(device.says):
+        if message.every is None or (message.times is not None and message.times <= MOST_WAITING):
+            continue
+        size = len(message.message().data)
+        takes, before = device.timing(bus.timing).characters(size), loads.get(bus.name, 0.0)
+        loads[bus.name] = before + takes / message.every
+        if before <= 1 < loads[bus.name]:
+            report.warn(
+                (*entry.path, "says", number, "every"),
+                f"{device.name} sends {counted(size, 'character')} every {format_time(message.every)}, which "
+                f"take {format_ms(takes)}{' beside what else is sent' if before else ''}: {bus.name} cannot "
+                f"carry it; {MOST_WAITING} messages wait, what is due beyond them is never sent",
+            )
 
 
 def _check_baud(entry: Entry[DeviceIn], device: DeviceIn, timing: LineTiming, report: Report) -> None:

@@ -133,6 +133,17 @@ CASES: dict[str, tuple[str, list[str]]] = {
         changed((FREE_POLL, '{port: COM5, send: D300, data: "41 FF"}')),
         ["17:40: press1.COM5 sends 7 bits a character (7E1): 80H on lose one"],
     ),
+    "free: more than the line carries": (
+        changed(
+            (
+                "every: 1 s}",
+                'every: 2 ms}, {text: "AB", every: 2 ms, times: 65}, {text: "C", every: 1 us, times: 64}',
+            )
+        ),
+        [
+            "25:98: reader sends 2 characters every 2 ms, which take 2.083 ms beside what else is sent: codes cannot carry it; 64 messages wait, what is due beyond them is never sent"
+        ],
+    ),
     "free: special": (
         changed((FREE_POLL, "{port: COM5, to: D7990, count: 40}")),
         ["17:26: press1 writes 40 bytes to D7990 to D8009: devices from D8000 on are special"],
