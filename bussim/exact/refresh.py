@@ -30,8 +30,8 @@ from bussim.exact.solve import Solved
 FLOOR = 1e-17
 ENOUGH = 1e-15
 LONGEST_CHAIN = 60
-#: So many scans show how much of a chain each one leaves.
-_SETTLED = 4
+#: So many scans show how much of a chain each one leaves; so many that it is above a tenth.
+_SETTLED, _MOSTLY = 4, 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -184,7 +184,7 @@ class _Gaps:
             if components.total <= ENOUGH:
                 break
             left = components.total * (components.total / before) ** (most - number)
-            if number >= _SETTLED and left > self.resolved * scale:
+            if left > self.resolved * scale and number >= (_MOSTLY if 10 * left > scale else _SETTLED):
                 break
         return found[0].mixed(*found[1:]).distribution(chain.sums, scale or 1.0)
 
