@@ -81,7 +81,7 @@ def in_words(name: str, entry: Mapping[str, Any]) -> Iterator[str]:
     """An entry of the summary's latencies in sentences."""
     word, times, cases = entry["edge"] is None, entry["ms"], list[str]()
     what = f"nothing {'was read' if word else 'arrived'}"
-    if times["max"] is not None:
+    if times["max"] is not None and entry["max_at_s"] is not None:
         which = "mean" if times["p50"] is None else "median"
         usual = in_ms(times[{"mean": "mean", "median": "p50"}[which]])
         longest = in_ms(times["max"], most=True)

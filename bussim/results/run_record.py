@@ -57,6 +57,10 @@ class RunRecord:
         Raises KeyError, TypeError or ValueError for anything else.
         """
         links = from_plain(dict[str, LinkRecord], histograms["links"])
+        latency = from_plain(dict[str, LatencyRecord], histograms.get("latency", {}))
+        for key, records in (("links", links), ("latency", latency)):
+            if records.keys() != summary.get(key, {}).keys():
+                raise ValueError(f"{key} are {', '.join(records)}, in the summary {', '.join(summary[key])}")
         if "verdict" not in summary:
             summary = {**summary, "verdict": verdict(summary, Evidence(links))}
         return cls(
@@ -66,7 +70,7 @@ class RunRecord:
             notes=tuple(map(_note, histograms["notes"])),
             left_out=from_plain(dict[str, int], histograms["notes_left_out"]),
             ports=from_plain(dict[str, PortRecord], histograms["ports"]),
-            latency=from_plain(dict[str, LatencyRecord], histograms.get("latency", {})),
+            latency=latency,
         )
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from bussim.trace.file import strict_json
 from bussim.wording import shorten
 
 #: The file that says what a folder's sweep is.
@@ -20,7 +21,7 @@ _NOTHING = object()
 def read_manifest(folder: Path) -> dict[str, Any] | None:
     """The content of a folder's ``sweep.json``, None if it has none that can be read."""
     try:
-        data = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+        data = strict_json((folder / MANIFEST).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
     return data if isinstance(data, dict) and "vary" in data else None
@@ -97,4 +98,4 @@ def _unequal(here: Any, there: Any, path: str) -> Iterator[tuple[str, Any, Any]]
 def _shown(value: Any) -> str:
     if value is _NOTHING or value is None:
         return "not given"
-    return shorten(json.dumps(value, ensure_ascii=False))
+    return shorten(json.dumps(value, ensure_ascii=False, allow_nan=False))

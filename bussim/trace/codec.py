@@ -22,6 +22,7 @@ from bussim.line.wave import Pause
 from bussim.trace import records
 from bussim.trace.records import Record, TraceBus, TraceHeader
 from bussim.units import TICKS_PER_SECOND
+from bussim.wording import visible
 
 #: Version of the trace's lines; rises when a key changes its meaning.
 TRACE_SCHEMA = 1
@@ -65,12 +66,28 @@ def _exactly(kind: type[V], what: str) -> Callable[[Any], V]:
     return read
 
 
-_int = _exactly(int, "a whole number")
-_text = _exactly(str, "a text")
+def _text(value: Any) -> str:
+    return visible(_plain_text(value))
+
+
+def _int(value: Any) -> int:
+    if -_LARGEST < _whole(value) < _LARGEST:
+        return int(value)
+    raise ValueError("is beyond every run")
+
+
+#: Ticks and counts are less, by far: 2,000 years.
+_LARGEST = 1 << 62
+_whole = _exactly(int, "a whole number")
+_plain_text = _exactly(str, "a text")
 _flag = _exactly(bool, "true or false")
 _float = _exactly(float, "a number")
 _list = _exactly(list, "a list")
-_by_name = _exactly(dict, "an object")
+_object = _exactly(dict, "an object")
+
+
+def _by_name(value: Any) -> dict[str, Any]:
+    return {visible(name): each for name, each in _object(value).items()}
 
 
 def _ints(value: Any) -> tuple[int, ...]:

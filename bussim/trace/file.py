@@ -18,7 +18,7 @@ import json
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator
 from pathlib import Path
-from typing import TextIO, TypeVar, assert_never, cast
+from typing import Any, TextIO, TypeVar, assert_never, cast
 
 from bussim.errors import UsageError
 from bussim.trace.codec import Line, from_line, header_line, header_of, to_line, type_of
@@ -49,6 +49,14 @@ _encode = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",",
 R = TypeVar("R", bound=Record)
 #: Gives the records of some types (None: of all) from the beginning.
 Source = Callable[[Collection[type[Record]] | None], Iterator[Record]]
+
+
+def _refuse(constant: str) -> None:
+    raise ValueError(f"{constant} is no number of JSON")
+
+
+#: The value of a JSON text. Raises ValueError for any other text, and RecursionError.
+strict_json: Callable[[str], Any] = json.JSONDecoder(parse_constant=_refuse).decode
 
 
 class TraceWriter:
@@ -220,7 +228,7 @@ def _next(file: TextIO) -> str:
 
 def _parsed(text: str) -> Line:
     try:
-        line = json.loads(text)
+        line = strict_json(text)
     except RecursionError:
         line = None
     except ValueError as error:

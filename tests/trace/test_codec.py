@@ -6,6 +6,7 @@ from typing import Any, get_args
 
 import pytest
 
+from bussim.errors import UsageError
 from bussim.trace.codec import from_line, header_line, header_of, to_line, type_of
 from bussim.trace.file import TRACE, read_trace
 from bussim.trace.records import FrameRecord, PollRecord, Record, ScanRecord, TraceHeader
@@ -72,3 +73,31 @@ def test_ticks_are_called_tick_where_they_are_always_known() -> None:
     assert list(scan)[:3] == ["type", "tick", "bus"]
     assert scan["tick"] == 7
     assert list(to_line(PollRecord("b", "m", "p", 20, 60, 1, None, 0), {}))[:2] == ["type", "tick"]
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("tick", 10**30, "tick is beyond every run"),
+        ("tick", -(2**62), "tick is beyond every run"),
+        ("tick", True, "tick is True, not a whole number"),
+    ],
+)
+def test_numbers_that_no_run_has(key: str, value: object, message: str) -> None:
+    line = next(line for line in lines_of("interlock") if line["type"] == "scan")
+    with pytest.raises(ValueError, match=message):
+        from_line({**line, key: value}, {})
+
+
+def test_a_text_that_a_terminal_would_obey_stands_in_escapes() -> None:
+    line = next(line for line in lines_of("interlock") if line["type"] == "scan")
+    record = from_line({**line, "cause": "\x1b[31mred\u202e"}, {})
+    assert isinstance(record, ScanRecord)
+    assert record.cause == "\\x1b[31mred\\u202e"
+
+
+def test_nan_is_no_number_of_a_trace(tmp_path: Path) -> None:
+    header, *_ = (STORED / "interlock" / TRACE).read_text(encoding="utf-8").splitlines()
+    (tmp_path / TRACE).write_text(f'{header}\n{{"type":"frame","ppm":NaN}}\n', encoding="utf-8")
+    with pytest.raises(UsageError, match="NaN is no number of JSON"):
+        list(read_trace(tmp_path))

@@ -28,12 +28,13 @@ from bussim.trace.records import (
     TraceHeader,
     TransactionRecord,
 )
+from bussim.wording import visible
 
 LINK = TraceBus("link", BusProtocol.NN, 38400, "7E1", ("press1", "press2"), {"press1": 0, "press2": 1})
 FEEDER = TraceBus("feeder", BusProtocol.SERIAL, 9600, "8N1", ("press1.COM3", "feeder1"), {"feeder1": 1})
 HEADER = TraceHeader((LINK, FEEDER), "three presses", 7, 72_000_000)
 
-names = st.text(alphabet=st.characters(codec="utf-8"), max_size=8)
+names = st.text(alphabet=st.characters(codec="utf-8"), max_size=8).map(visible)
 buses = st.sampled_from(["link", "feeder", "elsewhere"])
 ticks = st.integers(0, 2**60)
 counts = st.integers(0, 300)
@@ -59,6 +60,7 @@ FRAMES = st.builds(
     baud=st.sampled_from([9600, 38400]),
     format=st.sampled_from(["7E1", "8N1"]),
     ppm=st.floats(-1e5, 1e5, allow_nan=False),
+    pauses=st.lists(st.tuples(counts, ticks), max_size=3).map(tuple),
 )
 SCANS = st.builds(ScanRecord, buses, counts, ticks, ticks, counts, counts, counts, names)
 ATTEMPTS = st.builds(AttemptRecord, buses, ticks, ticks, counts, counts, names, counts, maybe)

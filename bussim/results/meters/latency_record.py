@@ -61,6 +61,12 @@ class LatencyRecord:
     longest: Sample | None = None
     histogram: Histogram = field(default_factory=Histogram, metadata=FLAT)
 
+    def __post_init__(self) -> None:
+        """Raise ValueError for other parts, as of a file that was changed."""
+        whole = [(*self.parts,), *(sample.parts for sample in (self.shortest, self.longest) if sample)]
+        if any(len(parts) != len(PARTS) for parts in whole):
+            raise ValueError(f"{self.source} to {self.target} has not the parts {', '.join(PARTS)}")
+
     def add(self, sample: Sample) -> None:
         """Count a latency; of several longest ones the first is kept."""
         self.delivered += 1

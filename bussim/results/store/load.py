@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,8 +14,10 @@ from bussim.results.store.rows import FORMS, Form
 from bussim.results.store.safe_names import from_cell
 from bussim.results.store.tables import BYTES, FLAG, FORMATS, TEXT, Kind, import_pyarrow
 from bussim.results.summary import SCHEMA
-from bussim.trace.file import TRACE, Trace, read_trace
+from bussim.results.summary.schema import check_summary
+from bussim.trace.file import TRACE, Trace, read_trace, strict_json
 from bussim.trace.records import Record, ScanRecord
+from bussim.wording import visible
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -46,6 +47,10 @@ def load_run(folder: Path) -> RunRecord:
         raise UsageError(f"{folder} is not the folder of a run: it has no {SUMMARY}{hint}")
     summary = _read_json(folder / SUMMARY)
     _check_schema(folder / SUMMARY, summary)
+    try:
+        check_summary(summary, "")
+    except ValueError as error:
+        raise UsageError(f"{folder / SUMMARY} is damaged, run it again: {error}") from error
     histograms = _read_json(folder / HISTOGRAMS)
     _check_schema(folder / HISTOGRAMS, histograms)
     try:
@@ -79,7 +84,7 @@ class FolderRows:
         path = self._folder / TRACE
         try:
             with path.open(encoding="utf-8") as lines:
-                return [json.loads(line) for line in lines]
+                return [strict_json(line) for line in lines]
         except FileNotFoundError:
             raise UsageError(f"{self._folder} has no {TRACE}: {_NO_TRACE}") from None
         except (OSError, ValueError) as error:
@@ -132,7 +137,7 @@ def _read_json(path: Path) -> dict[str, Any]:
         size = path.stat().st_size
         if size > _LARGEST:
             raise UsageError(f"{path} has {size:,} bytes, more than any run writes ({_LARGEST:,})")
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = _visible(strict_json(path.read_text(encoding="utf-8")))
     except FileNotFoundError:
         raise UsageError(f"{path} is missing: {path.parent} is not the whole folder of a run") from None
     except OSError as error:
@@ -142,6 +147,15 @@ def _read_json(path: Path) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise UsageError(f"{path} is not a file of bussim: it holds a {type(data).__name__}, not an object")
     return data
+
+
+def _visible(data: Any) -> Any:
+    """Plain data whose texts a terminal does not obey."""
+    if isinstance(data, dict):
+        return {visible(name): _visible(each) for name, each in data.items()}
+    if isinstance(data, list):
+        return [_visible(each) for each in data]
+    return visible(data) if isinstance(data, str) else data
 
 
 def _check_schema(path: Path, data: dict[str, Any]) -> None:
