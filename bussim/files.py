@@ -53,12 +53,21 @@ def written_whole(path: Path) -> Iterator[Path]:
         raise not_written(path, error) from error
 
 
-def not_written(path: Path, error: OSError) -> UsageError | RunError:
+def made_folder(path: Path) -> Path:
+    """The folder, made with those above it where it is not there; raises as :func:`written_whole`."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise not_written(path, error) from error
+    return path
+
+
+def not_written(path: Path, error: OSError, what: str = "be written") -> UsageError | RunError:
     """What a command raises where a path cannot be written: by :func:`is_bad_path` the one or the other."""
     kind = UsageError if is_bad_path(error) else RunError
     where = error.filename
     aside = f" ({where})" if where and Path(where).parent != path.parent else ""
-    return kind(f"{path} cannot be written: {error.strerror or error}{aside}")
+    return kind(f"{path} cannot {what}: {error.strerror or error}{aside}")
 
 
 def is_bad_path(error: OSError) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import ctypes
 import os
 import signal
@@ -147,6 +148,18 @@ def test_errors_of_writing_by_what_is_at_fault(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="y cannot be written: No space left on device"):
         full()
     assert {path.name for path in tmp_path.iterdir()} == {"file"}
+
+
+def test_no_json_of_the_program_has_what_is_no_number_of_json() -> None:
+    """Python writes NaN and Infinity unless it is told not to."""
+    calls = [
+        (path.name, node.lineno, ast.unparse(node))
+        for path in sorted((ROOT / "bussim").rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and ast.unparse(node.func) in ("json.dump", "json.dumps")
+    ]
+    assert len(calls) > 8
+    assert [call for call in calls if "allow_nan=False" not in call[2]] == []
 
 
 @posix

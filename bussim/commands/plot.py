@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from bussim.errors import UsageError
-from bussim.files import not_written
+from bussim.files import made_folder
 
 if TYPE_CHECKING:
     from bussim.results.plots.style import Picture
@@ -206,9 +206,4 @@ def _nothing(records: Sequence[RunRecord], labels: Sequence[str], subjects: Sequ
 def _folder(folders: Sequence[Path], out: str | None) -> Path:
     if out is None:
         return folders[0] if len(folders) == 1 else Path()
-    target = Path(out)
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise not_written(target, error) from error
-    return target
+    return made_folder(Path(out))

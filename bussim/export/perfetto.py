@@ -64,11 +64,11 @@ def write_perfetto(path: Path, job: Job) -> Written:
     events.sort(key=lambda timed: (timed[0], -timed[1].get("dur", 0)))
     with path.open("w", encoding="utf-8", newline="\n") as file:
         head = {"displayTimeUnit": "ms", "otherData": {"version": f"bussim {__version__}", "run": comment}}
-        file.write(json.dumps(head, ensure_ascii=False)[:-1] + ', "traceEvents": [\n')
+        file.write(json.dumps(head, ensure_ascii=False, allow_nan=False)[:-1] + ', "traceEvents": [\n')
         lines = (*tracks.named, *(event for _, event in events))
         for number, event in enumerate(lines):
             file.write(",\n" if number else "")
-            file.write(json.dumps(event, ensure_ascii=False, separators=(",", ":")))
+            file.write(json.dumps(event, ensure_ascii=False, allow_nan=False, separators=(",", ":")))
         file.write("\n]}\n")
     return Written(len(events), tuple(selection.buses), ("open it at https://ui.perfetto.dev",))
 

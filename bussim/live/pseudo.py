@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 from bussim.errors import UsageError
+from bussim.files import not_written
 from bussim.live.options import CHUNK
 
 assert sys.platform != "win32"  # noqa: S101 - for the type checker; nothing imports this there
@@ -48,7 +49,7 @@ class PseudoTerminal:
                 self.name = str(self._link)
         except OSError as error:
             self.close()
-            raise UsageError(f"{link or 'pty'}: {error.strerror or error}") from error
+            raise not_written(self._link or Path("pty"), error, "be made") from error
 
     def read(self, timeout: float) -> bytes:
         """See the protocol."""

@@ -31,6 +31,7 @@ from pathlib import Path
 from typing import Any
 
 from bussim.errors import BussimError, UsageError
+from bussim.files import not_written
 
 #: Bytes of a request or a reply at most.
 _LONGEST = 256 * 1024
@@ -57,7 +58,7 @@ def control_folder() -> Path:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         found = folder.lstat()
     except OSError as error:
-        raise UsageError(f"{folder} cannot be used for control sockets: {error.strerror or error}") from error
+        raise not_written(folder, error, "be used for control sockets") from error
     if not stat.S_ISDIR(found.st_mode):
         raise UsageError(f"{folder} is no folder: control sockets cannot lie there")
     if sys.platform != "win32" and (found.st_uid != os.getuid() or found.st_mode & 0o077):
@@ -103,7 +104,7 @@ class ControlServer:
     def _write_note(self, note: dict[str, Any]) -> None:
         handle = os.open(self._note, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         with os.fdopen(handle, "w", encoding="utf-8") as file:
-            json.dump(note, file)
+            json.dump(note, file, allow_nan=False)
 
     def close(self) -> None:
         """No more requests."""
@@ -147,9 +148,8 @@ def _same(token: str, own: str) -> bool:
 
 
 def _line(data: dict[str, Any]) -> bytes:
-    return (
-        json.dumps(data).encode() + b"\n"
-    )  # pure ASCII: a request may stand in it, even with half characters
+    # Pure ASCII: a request may stand in it, even with half characters.
+    return json.dumps(data, allow_nan=False).encode() + b"\n"
 
 
 # -- the other side ----------------------------------------------------------------------------

@@ -218,5 +218,5 @@ def run_seed(
     errors are no longer independent of each other.
     """
     at = sorted([axis.key, value.same] for axis, value in zip(axes, point, strict=True))
-    text = json.dumps([base, [] if common_random_numbers else at, repeat], ensure_ascii=True)
+    text = json.dumps([base, [] if common_random_numbers else at, repeat], allow_nan=False)
     return int.from_bytes(blake2b(text.encode("ascii"), digest_size=_BYTES).digest(), "big")

@@ -12,6 +12,7 @@ from bussim.commands.common.output import print_json, show_carried
 from bussim.commands.common.scenario_options import code_option, set_option, time_of
 from bussim.errors import UsageError
 from bussim.exact.text import ALMOST_CERTAIN, NOT_COVERED, ms, ms_cell, one_in
+from bussim.files import made_folder
 from bussim.units import TICKS_PER_SECOND
 
 if TYPE_CHECKING:
@@ -300,6 +301,6 @@ def _draw(scenario: Scenario, found: dict[str, Figures], request: RequestType, f
         about = f"{scenario.name}, seed {scenario.seed}, bussim {__version__}"
         simulated = result.record.links[bus].scan_times.histogram
         picture = distribution_and_histogram(bus, x, distribution.tail(x), simulated, about, lowest)
-        folder.mkdir(parents=True, exist_ok=True)
+        made_folder(folder)
         paths += picture.save_both(folder / f"law_{stem}")
     return paths

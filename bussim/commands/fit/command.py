@@ -13,6 +13,7 @@ from bussim.commands.common.output import busy, checked_target, print_json, writ
 from bussim.commands.common.recording import is_recording, line_options
 from bussim.commands.common.scenario_options import code_option, time_of
 from bussim.errors import UsageError
+from bussim.files import made_folder
 
 if TYPE_CHECKING:
     from bussim.commands.fit.recording import Fitted
@@ -153,7 +154,7 @@ def _plot(folder: Path, fitted: Fitted, simulated: RunRecord | None) -> None:
 
     if simulated is None or fitted.link is None:
         raise UsageError("there are no link scans to draw")
-    folder.mkdir(parents=True, exist_ok=True)
+    made_folder(folder)
     picture = scan_time_histogram([fitted.measured, simulated], fitted.bus, ["measured", "simulated"])
     for path in picture.save_both(folder / f"fit_{file_name(fitted.bus)}"):
         click.echo(f"picture: {path}", err=True)

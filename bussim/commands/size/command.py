@@ -14,6 +14,7 @@ from bussim.commands.common.output import busy, show_carried, write_text
 from bussim.commands.common.scenario_options import code_option, set_option
 from bussim.commands.size.uniform_link import DEFAULT_PROFILE, DEFAULT_SCAN, uniform_link
 from bussim.errors import RunError, UsageError
+from bussim.files import made_folder
 
 if TYPE_CHECKING:
     from bussim.commands.size.verify import Verification
@@ -109,7 +110,7 @@ def command(
     result: dict[str, object] = {"schema": 1, "links": links}
     if loaded.carried:
         result["warnings"] = [asdict(each) for each in loaded.carried]
-    text = json.dumps(result, indent=2, ensure_ascii=False)
+    text = json.dumps(result, indent=2, ensure_ascii=False, allow_nan=False)
     if as_json:
         click.echo(text)
     else:
@@ -146,7 +147,7 @@ def _write(scenario: Scenario, found: dict[str, Sizing], text: str, folder: Path
     from bussim.units import TICKS_PER_MS
     from bussim.version import __version__
 
-    folder.mkdir(parents=True, exist_ok=True)
+    made_folder(folder)
     paths = [folder / "size.json"]
     write_text(paths[0], text + "\n")
     for bus, stem in file_names(found).items():
