@@ -127,6 +127,7 @@ _LATENCY = {
     "comments?": _by_name(_TEXT),
     "bound_ms?": _by_name(_KNOWN),
 }
+_RESTS = {"inputs figures": _by_name(_TEXT), "assumptions text": _TEXTS}
 #: Raises ValueError with the first key of a summary that is missing, or holds what it may not.
 check_summary = _keys(
     {
@@ -142,6 +143,7 @@ check_summary = _keys(
         ),
         "latency?": _by_name(_keys(_LATENCY)),
         "warnings": _TEXTS,
+        "rests_on?": _keys({"links?": _by_name(_keys(_RESTS))}),
         "verdict?": _list(_keys({"key text": _TEXT, "values": _OBJECT})),
     }
 )

@@ -45,6 +45,8 @@ def test_what_every_version_writes_is_accepted() -> None:
         (("links", "link", "bus_load"), True, "links.link.bus_load is true, not a number"),
         (("links", "link", "polls"), 10**30, "links.link.polls is 10{30}, not a whole number"),
         (("links",), [], "links is a list, not an object"),
+        (("rests_on",), {"links": {"link": {"text": 1}}}, "rests_on.links.link.inputs is missing"),
+        (("verdict",), [{"key": "x"}], "verdict.0.text is missing"),
         (("warnings",), [3], "warnings.0 is 3, not a text"),
         (("latency", "door-to-press1", "ms", "mean"), [], "door-to-press1.ms.mean is a list, not a number"),
         (
