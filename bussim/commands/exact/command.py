@@ -113,9 +113,8 @@ def command(
             result["warnings"] = [asdict(each) for each in loaded.carried]
         if bounds:
             result["latency"] = {name: bound.to_json() for name, bound in bounds.items()}
-        result["rests_on"] = dict.fromkeys(
-            ("polls", "latency"), ASSUMED
-        )  # as times of ports and programs are
+        # As times of ports and programs are.
+        result["rests_on"] = dict.fromkeys(("polls", "latency"), ASSUMED)
         print_json(result)
     else:
         from bussim.commands.common.console import wide_console

@@ -58,7 +58,7 @@ class Replies:
             self._given_up[asked] = master, poll
             if len(self._given_up) > _GIVEN_UP:
                 del self._given_up[next(iter(self._given_up))]
-        elif begun.end > end:
+        elif begun.end >= end:
             self.late[master][poll] += 1
 
     def reply_to(self, asked: int) -> Reply | None:

@@ -47,7 +47,7 @@ def _request_outcome(node: SerialStation, event: TransactionEnded) -> tuple[str,
     if peer.engine is None or peer.engine_since > sent or peer.jabbering:
         return name, Outcome.AWAY
     reply = node.replies.reply_to(sent)
-    if reply is not None and reply.end <= event.end:
+    if reply is not None and reply.end < event.end:
         damaged = event.error is not PortError.TIMEOUT or node.receiver.heard_at > reply.start
         return name, Outcome.REPLY_DAMAGED if damaged else Outcome.REPLY_LOST
     asked = event.asked or 0

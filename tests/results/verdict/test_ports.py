@@ -130,6 +130,20 @@ def test_as_many_requests_are_given_a_cause_as_failed_in_its_times(seed: int, tm
     assert sum(item["requests"] for item in told) <= len(failed)
 
 
+@pytest.mark.parametrize("delay", [16_500, 17_500, 30_500])
+def test_a_reply_under_way_when_the_timeout_is_over_is_late(delay: int, tmp_path: Path) -> None:
+    """A reply of 13.5 ms that begins before the timeout of 30 ms, or after it, and ends after it."""
+    bus = modbus(random.Random(0))
+    bus["buses"][0]["baud"] = 9600
+    bus["devices"][0]["delay"] = f"{delay} us"
+    polls = [{"station": 1, "function": 3, "address": 0, "count": 4, "every": "200 ms"}]
+    panel = {"name": "panel", "model": "hmi", "bus": "drives", "timeout": "30 ms", "polls": polls}
+    bus = {**bus, "duration": "3 s", "plcs": [], "devices": [*bus["devices"], panel]}
+    result = run(bus, tmp_path)
+    assert result.summary["devices"]["panel"]["late_responses"] == 15
+    assert {item["key"] for item in faults(items(result))} == {"no_own_data", "late", "request_silent"}
+
+
 def test_broadcasts_alone_want_no_response(tmp_path: Path) -> None:
     bus = modbus(random.Random(2))
     bus["plcs"][0]["polls"] = [
