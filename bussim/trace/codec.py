@@ -14,8 +14,10 @@ those of a later version, are left out.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
+from functools import cache
 from typing import Any, NamedTuple, TypeVar, get_args, get_type_hints
 
+from bussim.line.characters import CharFormat
 from bussim.line.contention import Contention
 from bussim.line.protocols import BusProtocol
 from bussim.line.wave import Pause
@@ -116,6 +118,25 @@ _READERS: dict[Any, Callable[[Any], Any]] = {
     },
     dict[str, tuple[int, ...]]: lambda value: {name: _ints(each) for name, each in _by_name(value).items()},
 }
+
+
+def _between(low: float, high: float, read: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    def bounded(value: Any) -> Any:
+        found = read(value)
+        if low <= found <= high:
+            return found
+        raise ValueError(f"is {value}, not {low:,} to {high:,}")
+
+    return bounded
+
+
+_known_format = cache(CharFormat.parse)
+#: How fields of these names are read, which say how a line is driven.
+_OF_LINES: dict[str, Callable[[Any], Any]] = {
+    "baud": _between(1, 100_000_000, _int),
+    "format": lambda value: str(_known_format(_text(value))),
+    "ppm": _between(-500_000, 500_000, _READERS[float]),
+}
 #: How a value of a type of field is written where it is not written as it is.
 _WRITERS: dict[Any, Callable[[Any], Any]] = {
     BusProtocol: _FLAGS.__getitem__,
@@ -150,7 +171,7 @@ def _fields_of(record: type[Any], apart: str = "") -> list[_Field]:
             name,
             _KEYS.get((name, hints[name]), name),
             position,
-            _READERS[hints[name]],
+            _OF_LINES.get(name, _READERS[hints[name]]),
             _WRITERS.get(hints[name]),
             defaults.get(name, _REQUIRED),
         )

@@ -101,3 +101,23 @@ def test_nan_is_no_number_of_a_trace(tmp_path: Path) -> None:
     (tmp_path / TRACE).write_text(f'{header}\n{{"type":"frame","ppm":NaN}}\n', encoding="utf-8")
     with pytest.raises(UsageError, match="NaN is no number of JSON"):
         list(read_trace(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("baud", 0, "baud is 0, not 1 to 100,000,000"),
+        ("format", "inf", "format is 'inf', not a character format"),
+        ("ppm", -1e6, "ppm is -1000000.0, not -500,000 to 500,000"),
+    ],
+)
+def test_lines_that_nothing_drives(key: str, value: object, message: str) -> None:
+    header, line = (
+        next(x for x in lines_of("interlock") if x["type"] == kind) for kind in ("trace", "frame")
+    )
+    with pytest.raises(ValueError, match=message):
+        from_line({**line, key: value}, {bus.name: bus for bus in header_of(header).buses})
+    header["buses"]["link"][key] = value
+    if key != "ppm":
+        with pytest.raises(ValueError, match=message):
+            header_of(header)
