@@ -133,7 +133,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _say("Error: there is not enough memory for this")
         return FAILED
     except OSError as error:
-        where = error.filename or "standard output, or a file,"
+        where = error.filename or "the output cannot be written"
         _say(f"Error: {where}: {error.strerror or error}")
         _discard_output()
         return BAD_INPUT if is_bad_path(error) else FAILED
