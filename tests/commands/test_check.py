@@ -176,7 +176,7 @@ def test_standard_input_may_name_files_beside_the_user(
         ),
         ("x/two_station", "no such file"),
         ("two_station", "no such file, and no built-in scenario of that name; did you mean two_stations?"),
-        (".", "is a directory, not a scenario file"),
+        (".", "is a folder, not a scenario file"),
     ],
 )
 def test_what_is_not_there(argument: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -57,7 +57,7 @@ def test_a_file_that_is_no_scenario(tmp_path: Path, content: bytes, message: str
 
 
 def test_a_directory(tmp_path: Path) -> None:
-    assert _only_mistake(tmp_path) == "FILE: is a directory, not a scenario file"
+    assert _only_mistake(tmp_path) == "FILE: is a folder, not a scenario file"
 
 
 def test_a_missing_file_with_the_nearest_built_in_name() -> None:
@@ -73,11 +73,14 @@ def test_a_path_that_cannot_be_one() -> None:
         load("x" * 5000)
 
 
-def test_an_endless_file_is_not_read_to_its_end() -> None:
+def test_a_file_without_an_end_is_not_read(tmp_path: Path) -> None:
     zero = Path("/dev/zero")
     if not zero.exists():
         pytest.skip("no /dev/zero on this system")
-    assert _only_mistake(zero) == "FILE: is larger than 512 KiB, too much for a scenario"
+    assert _only_mistake(zero) == "FILE: is a device of the system, not a scenario file"
+    large = tmp_path / "large.yaml"
+    large.write_text("# much\n" * (1 << 17))
+    assert _only_mistake(large) == "FILE: is larger than 512 KiB, too much for a scenario"
 
 
 def test_byte_order_mark_and_line_ends_change_nothing(tmp_path: Path) -> None:
