@@ -139,7 +139,7 @@ def test_a_wrong_goal_names_the_forms() -> None:
 @pytest.mark.slow
 def test_simulation_agrees_with_the_law() -> None:
     changed = with_setting(bussim.load("electrical_noise"), "link", 0, 50 * 72_000)
-    verdict = compare(changed, "link", Verification(0, 50 * 72_000))
+    verdict = compare(changed, "link", Verification(0, 50 * 72_000), scans=4_000)
     assert verdict.agrees
     assert verdict.errors > 100  # without retries the noise is seen, so the agreement says something
 
