@@ -179,5 +179,5 @@ def test_the_random_scenarios_leave_nothing_out() -> None:
     assert kinds == set(fault_kinds.FaultKind.__args__)
     assert sum(done.link.collisions for done in runs) > 200
     assert sum(done.link.undetected for done in runs) > 3
-    assert sum(any(frame.cut for frame in done.record.frames) for done in runs) > 10
+    assert sum(any(frame.cut for frame in done.record.frames) for done in runs) > 5
     assert sum(done.link.frames for done in runs) > 5000
