@@ -35,8 +35,10 @@ ALIKE = {
     "engines.nn.master.Master.transmit_done": "the table of states refuses to leave any other",
     "exact.from_scenario._LinkReader._fault": "the others go on to _lasting, which names them",
     "exact.from_scenario._LinkReader._noise": "a kind that is not worked out becomes an obstacle",
+    "results.summary.ports._MESSAGES": "the others are of requests",
     "results.store.rows.FORMS": "the others are in no table, only in a trace",
     "sim.faults.FaultPlan._begin": "the others go on to the match below, which names them",
+    "sim.serial.node.SerialNode.report": "all go on to handle_event; two are noted on their way",
     "trace.file._concerns": "mypy refuses a record that has no bus",
 }
 

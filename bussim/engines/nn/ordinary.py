@@ -1,8 +1,9 @@
 """Link scans in which nothing goes wrong: every slave replies to its first poll, and all receive every frame.
 
-When such scans happen, and what they leave in the engines of the master (:meth:`Master.pass_scans`) and of
-slaves (:meth:`Slave.pass_scans`), follows from the engines' own settings; a test passes the same frames one
-by one. Times are ticks, in arrays of numpy.
+When such scans happen, and what they leave in the engines of the master
+(:meth:`bussim.engines.nn.master.Master.pass_scans`) and of slaves
+(:meth:`bussim.engines.nn.slave.Slave.pass_scans`), follows from the engines' own settings; a test passes the
+same frames one by one. Times are ticks, in arrays of numpy.
 """
 
 from __future__ import annotations

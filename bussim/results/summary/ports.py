@@ -13,7 +13,7 @@ from bussim.trace.records import BusTotals, DeviceTotals, Outcome, PortTotals, R
 from bussim.units import milliseconds
 
 #: What may become of a message of another node that was for this one, and its key.
-_MESSAGES = {
+_MESSAGES: Mapping[Outcome, str] = {
     Outcome.GOOD: "whole",
     Outcome.DAMAGED: "damaged",
     Outcome.WRONG: "wrong",
