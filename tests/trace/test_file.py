@@ -60,6 +60,7 @@ FRAMES = st.builds(
     baud=st.sampled_from([9600, 38400]),
     format=st.sampled_from(["7E1", "8N1"]),
     ppm=st.floats(-1e5, 1e5, allow_nan=False),
+    released=st.none() | st.integers(1, 2**60),  # it is later than the end
     pauses=st.lists(st.tuples(counts, ticks), max_size=3).map(tuple),
 )
 SCANS = st.builds(ScanRecord, buses, counts, ticks, ticks, counts, counts, counts, names)
