@@ -13,7 +13,6 @@ from collections.abc import Sequence
 import click
 
 from bussim.errors import RunError, ScenarioError, UsageError
-from bussim.files import is_bad_path
 from bussim.version import __version__
 
 #: The commands, in the order of ``--help``, with their one-line descriptions.
@@ -133,6 +132,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _say("Error: there is not enough memory for this")
         return FAILED
     except OSError as error:
+        from bussim.files import is_bad_path
+
         where = error.filename or "the output cannot be written"
         _say(f"Error: {where}: {error.strerror or error}")
         _discard_output()

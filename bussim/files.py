@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import errno
-import secrets
+import os
 import shutil
+import stat
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -18,6 +19,15 @@ if TYPE_CHECKING:
 
 #: The file in a folder that the process that writes it has locked.
 LOCK = "LOCK"
+
+#: What a file may be that is no plain one.
+_KINDS = (
+    (stat.S_ISDIR, "a folder"),
+    (stat.S_ISFIFO, "a pipe"),
+    (stat.S_ISSOCK, "a socket"),
+    (stat.S_ISCHR, "a device of the system"),
+    (stat.S_ISBLK, "a device of the system"),
+)
 
 #: What is wrong with the path that the user named. All else, such as a full disk, is a failure of the place.
 _BAD_PATHS = frozenset(
@@ -38,10 +48,10 @@ _BAD_PATHS = frozenset(
 def written_whole(path: Path) -> Iterator[Path]:
     """A new file beside a path, which becomes it if all goes well and is removed if not.
 
-    Its name is one that nobody else has: of several writers of one path the last one's file stays, whole.
+    No other file has its name: of several writers of one path the last one's file stays, whole.
     Raises UsageError or RunError where it cannot be written, as :func:`not_written` says.
     """
-    part = path.with_name(f"bussim-{secrets.token_hex(8)}.part")
+    part = path.with_name(f"bussim-{os.urandom(8).hex()}.part")
     try:
         part.open("x").close()
         try:
@@ -73,6 +83,19 @@ def not_written(path: Path, error: OSError, what: str = "be written") -> UsageEr
 def is_bad_path(error: OSError) -> bool:
     """Whether the path itself is at fault (too long, a loop, not a folder), not the place that it names."""
     return error.errno in _BAD_PATHS
+
+
+def plain(path: Path) -> Path:
+    """The path of a plain file, which can be read without waiting. Raises OSError for anything else."""
+    mode = path.stat().st_mode
+    if not stat.S_ISREG(mode):
+        raise OSError(errno.EINVAL, f"it is {kind_of(mode)}", str(path))
+    return path
+
+
+def kind_of(mode: int) -> str:
+    """What something is that is no plain file, with its article."""
+    return next((kind for test, kind in _KINDS if test(mode)), "no plain file")
 
 
 def empty_folder(folder: Path, keep: Sequence[str]) -> None:

@@ -87,6 +87,24 @@ def obey_modes() -> None:
 @posix
 @pytest.mark.parametrize(
     "words",
+    [["export", "?", "--to", "vcd"], ["sniff", __file__, "--layout", "?"]],
+    ids=lambda words: words[0],
+)
+def test_a_pipe_is_not_waited_for(words: list[str], tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    words = [word.replace("?", str(tmp_path / "pipe")) for word in words]
+    process = program(*words, cwd=tmp_path)
+    try:
+        _, error = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 2
+    assert error == f"Error: {tmp_path / 'pipe'} cannot be read: it is a pipe\n"
+
+
+@posix
+@pytest.mark.parametrize(
+    "words",
     [
         ["run", "--duration", "1s", "--out", "?/x"],
         ["sweep", "two_stations", "--duration", "1s", "--vary", "seed=1", "--out", "?/x"],

@@ -81,7 +81,7 @@ def command(
         print_json(result.summary)
     else:
         _show(result)
-    # Last, so that nobody waits for pictures before the numbers are shown.
+    # Last, as pictures take longer than the numbers.
     for picture in [] if no_plots else result.save_plots():
         if not as_json:
             click.echo(f"picture: {picture}")

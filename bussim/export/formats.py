@@ -58,8 +58,8 @@ def export_trace(
 
     ``to`` is one of :data:`bussim.export.formats.FORMATS`, ``encapsulation`` ("serial" or "udp") how pcapng
     wraps Modbus RTU. The file appears whole or not at all; an existing one is replaced. Raises UsageError
-    where the request cannot be carried out: an unknown bus, nothing in the window, a file that cannot be
-    written, a damaged trace.
+    where the request cannot be carried out: an unknown bus, nothing in the window, a damaged trace;
+    raises as :func:`bussim.files.written_whole` where the file cannot be written.
     """
     if to not in FORMATS:
         raise UsageError(f"no format {to!r}; {suggest(to, list(FORMATS))}")

@@ -68,7 +68,7 @@ class Uniforms:
     def ahead(self, count: int) -> np.ndarray:
         """The next numbers, which are not taken."""
         self._reach(count)
-        return self._drawn[self._at : self._at + count]  # type: ignore[no-any-return]
+        return self._drawn[self._at : self._at + count]  # type: ignore[no-any-return] # an array, once reached
 
     def skip(self, count: int) -> None:
         """Take so many numbers."""

@@ -118,7 +118,7 @@ class Result:
     def save_plots(self) -> list[Path]:
         """Draw the run's pictures, as `bussim run` does, into its folder; returns the PNGs' paths.
 
-        Raises UsageError if the run has no folder, or if it cannot be written.
+        Raises UsageError if the run has no folder, and as :func:`bussim.files.written_whole`.
         """
         from bussim.results.pictures import draw_run
 

@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import BinaryIO
 
 from bussim.errors import Problem, ScenarioError, UsageError
+from bussim.files import kind_of
 from bussim.scenario import builtin
 from bussim.scenario.model import Scenario
 from bussim.scenario.yaml import parser as yaml
-from bussim.scenario.yaml.files import Files, kind_of
+from bussim.scenario.yaml.files import Files
 from bussim.scenario.yaml.overrides import Override, apply_overrides
 from bussim.scenario.yaml.plain import copied
 from bussim.scenario.yaml.source_map import Report, SourceMap

@@ -53,7 +53,7 @@ class SweepFolder:
     that is something else becomes ``<target>-2``, and so on.
 
     Raises UsageError if the target is something else (the message has what differs) or is being written
-    by another process.
+    by another process; where it cannot be written raises as :func:`bussim.files.not_written`.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class SweepFolder:
     def begin(self) -> None:
         """Take the folder for this process, and make it if it is not there.
 
-        Raises UsageError if another process was quicker, or if it cannot be written.
+        Raises UsageError if another process was quicker, and as :func:`bussim.files.not_written`.
         """
         part = _part(self.target)
         try:

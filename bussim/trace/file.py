@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, TextIO, TypeVar, assert_never, cast
 
 from bussim.errors import UsageError
+from bussim.files import plain
 from bussim.trace.codec import Line, from_line, header_line, header_of, to_line, type_of
 from bussim.trace.records import (
     AttemptRecord,
@@ -212,7 +213,7 @@ class _File:
 
     def _open(self) -> TextIO:
         try:
-            return self._path.open(encoding="utf-8")
+            return plain(self._path).open(encoding="utf-8")
         except FileNotFoundError:
             raise UsageError(f"{self._path} does not exist") from None
         except OSError as error:

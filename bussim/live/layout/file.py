@@ -9,7 +9,7 @@ from pydantic import Field
 
 from bussim.engines.nn.frames import KIND_NAMES
 from bussim.errors import Problem, ScenarioError, UsageError
-from bussim.files import reason
+from bussim.files import plain
 from bussim.forms.fields import Kind, choice, fail, one_of, whole
 from bussim.forms.form import Model
 from bussim.live.layout.sums import ADDED, FORMS, KINDS, Number, Sum
@@ -162,10 +162,10 @@ def _check(form: _LayoutIn, report: Report) -> None:
 def load_layout(path: Path) -> Layout:
     """The layout of a file. Raises UsageError where it cannot be read, ScenarioError where it is wrong."""
     try:
-        with path.open("rb") as file:
+        with plain(path).open("rb") as file:
             text = file.read(_MOST_BYTES + 1)
     except OSError as error:
-        raise UsageError(f"{path} cannot be read: {reason(error)}") from error
+        raise UsageError(f"{path} cannot be read: {error.strerror or error}") from error
     if len(text) > _MOST_BYTES:
         raise UsageError(f"{path} has more than {_MOST_BYTES:,} bytes: it is no layout")
     return parse_layout(text, str(path))

@@ -182,10 +182,9 @@ def judge(source: Source, setup: LineSetup, bus: str, limit: int | None = None) 
     sent = [each.poll for each in attempts] + own
     if unsound[kind] <= _LEAST or share <= _FEW:
         return None
+    # All that the master sends is sound: stations' replies, laid out as its data, are damaged.
     if own and _sound(given, sent) >= (1 - _FEW) * len(sent):
-        return (
-            None  # all that the master sends is sound: stations' replies, laid out as its data, are damaged
-        )
+        return None
     proposed = propose(polled)
     sound = 0 if proposed is None else _sound(proposed, found)
     if sound <= _sound(given, found) + _LEAST:

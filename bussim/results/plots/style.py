@@ -137,7 +137,7 @@ class Picture(Figure):
     def save(self, path: Path) -> Path:
         """Write the picture as PNG or SVG, after the path's ending, and return the path.
 
-        Raises UsageError for another ending or a path that cannot be written.
+        Raises UsageError for another ending, and as :func:`bussim.files.written_whole`.
         """
         kind = path.suffix.lower()
         if kind not in (".png", ".svg"):

@@ -55,8 +55,9 @@ class RunFolder:
 
     With ``numbered`` a target that exists or is being written becomes ``<target>-2``, and so on;
     :attr:`target` is the one taken. Else raises UsageError if the target exists (with ``force``: if
-    it is not a run's folder) or another process is writing it; in any case if it cannot be written,
-    or if the format is not available. ``header`` is the first line of the trace.
+    it is not a run's folder) or another process is writing it, in any case if the format is not
+    available; where it cannot be written raises as :func:`bussim.files.not_written`. ``header`` is the
+    first line of the trace.
     """
 
     def __init__(

@@ -6,28 +6,14 @@ import errno
 import itertools
 import os
 import re
-import stat
 from pathlib import Path
 
+from bussim.files import kind_of
 from bussim.scenario import builtin
 from bussim.wording import CODINGS, nearest, shorten
 
 #: Names of a folder that are searched for the one that was meant.
 _MOST_NAMES = 2000
-_KINDS = (
-    (stat.S_ISDIR, "a folder"),
-    (stat.S_ISFIFO, "a pipe"),
-    (stat.S_ISSOCK, "a socket"),
-    (stat.S_ISCHR, "a device of the system"),
-    (stat.S_ISBLK, "a device of the system"),
-)
-
-
-def kind_of(mode: int) -> str:
-    """What something is that is no plain file, with its article."""
-    return next((kind for test, kind in _KINDS if test(mode)), "no plain file")
-
-
 #: Codings of programming tools, those of code pages in the order in which they are tried: few Japanese
 #: texts are GB 2312 too.
 _CODECS = {

@@ -1,4 +1,4 @@
-"""Many ordinary link scans at once, where nobody can come between.
+"""Many ordinary link scans at once, where nothing can come between.
 
 From the master's data frame on, as long as every station is in step, chance damages nothing, and SimPy's next
 event lies later, link scans are ordinary. How many follow is asked of the random streams, which are looked at

@@ -10,11 +10,15 @@ GOOD, GARBLED, REPLY_DAMAGED = Outcome.GOOD, Outcome.GARBLED, Outcome.REPLY_DAMA
 SHOWN = ((10, GARBLED), (20, REPLY_DAMAGED), (30, GARBLED), (50, GOOD), (60, REPLY_DAMAGED))
 
 
-def test_requests_have_the_cause_of_most_and_its_count_is_theirs() -> None:
-    exchange = Exchange(requests=True)
+def shown(exchange: Exchange) -> Exchange:
     for start, outcome in SHOWN:
         exchange.add(start, outcome)
     exchange.close(100)
+    return exchange
+
+
+def test_requests_have_the_cause_of_most_and_its_count_is_theirs() -> None:
+    exchange = shown(Exchange(requests=True))
     assert exchange.failed == {
         GARBLED: Times(1, 10, 50, 40, 40, 10),
         REPLY_DAMAGED: Times(1, 60, 100, 40, 40, 60),
@@ -23,10 +27,7 @@ def test_requests_have_the_cause_of_most_and_its_count_is_theirs() -> None:
 
 
 def test_each_outcome_of_messages_counts() -> None:
-    exchange = Exchange()
-    for start, outcome in SHOWN:
-        exchange.add(start, outcome)
-    exchange.close(100)
+    exchange = shown(Exchange())
     assert exchange.failed == {
         GARBLED: Times(1, 10, 50, 40, 40, 10),
         REPLY_DAMAGED: Times(2, 20, 100, 70, 40, 60),
