@@ -316,6 +316,7 @@ class _LinkReader:
             noise=LineNoise(tuple(self.sources), tuple(self.chains)),
             scan=master.scan,
             timeout_range=profile.timeout_range,
+            set_under=profile.set_under,
             listeners=listeners,
             inputs=link_inputs(self.scenario, self.bus),
         )

@@ -146,6 +146,7 @@ class LinkModel:
     zeros: bool = True
     scan: int = 0
     timeout_range: tuple[int, int] = (5, 225)
+    set_under: str = "M8002"
     listeners: tuple[Station, ...] = ()
     obstacles: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()

@@ -157,6 +157,10 @@ def whole(low: int, high: int) -> Kind:
     )
 
 
+#: A whole number whose bounds depend on something else.
+any_whole = _those(_is_int, lambda _: "expected a whole number")
+
+
 def number(low: float, high: float) -> Kind:
     """A number from ``low`` to ``high``."""
 

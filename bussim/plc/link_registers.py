@@ -71,6 +71,7 @@ def memory_at_power_on(
         memory.set(device, value)
     if old is not None:
         memory.keep(old, profile.latched)
+        memory.earlier = old.earlier
     return memory
 
 

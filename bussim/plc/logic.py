@@ -8,10 +8,10 @@ takes the image that is frozen at END.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from bussim.plc.inputs import NEVER, Change, Stimulus
-from bussim.plc.memory import BlockRange, Device, Memory, SharedAreas
+from bussim.plc.memory import BlockRange, Device, DeviceRange, Memory, SharedAreas
 from bussim.plc.ports.port_instructions import ProgramPorts
 from bussim.plc.program.errors import Fault, Halt, OperationFault, PortRefused
 from bussim.plc.program.execution import ProgramRun
@@ -23,7 +23,8 @@ from bussim.units import TICKS_PER_MS
 class Logic:
     """Program and inputs of one PLC from power-on to power-off. All times are ticks.
 
-    ``memory`` is the PLC's; ``shared_words`` D from D0 on may belong to the link.
+    ``memory`` is the PLC's; ``shared_words`` D from D0 on may belong to the link; ``kept_pulses`` see
+    :class:`ProgramRun`.
     """
 
     def __init__(
@@ -35,6 +36,7 @@ class Logic:
         times: InstructionTimes,
         ports: ProgramPorts,
         now: int,
+        kept_pulses: Iterable[DeviceRange] = (),
     ) -> None:
         self._memory = memory
         self._inputs = dict(inputs)
@@ -42,7 +44,7 @@ class Logic:
         self._next_change = -1  # when an input changes next; before the first sampling: all are sampled
         self._ports = ports
         self._run = (
-            ProgramRun(program, memory, times=times, ports=self._ports, power_on=now)
+            ProgramRun(program, memory, times=times, ports=self._ports, power_on=now, kept_pulses=kept_pulses)
             if program is not None
             else None
         )

@@ -268,6 +268,8 @@ class Memory:
         self.refresh_specials: Callable[[int], None] | None = None
         #: Of each timer and counter: whether an RST holds it.
         self.held = {letter: bytearray(512) for letter in "TC"}
+        #: The condition that each instruction of the program had when it was last carried out.
+        self.earlier = bytearray()
 
     def bits(self, letter: str) -> bytearray:
         """All bits of a letter by address, 0 or 1 each: the memory itself, where speed matters.

@@ -136,6 +136,7 @@ class Plc:
                 self.profile.instruction_times,
                 ProgramPorts(self.port_registers, self.memory, self.profile.rs_port),
                 now,
+                () if self.profile.latched_pulse_again else self.profile.latched,
             )
         if self._program is None:
             self._system = system = SystemDevices(self.memory, now)

@@ -176,6 +176,7 @@ class Profile:
     ``link_at_step_0``        M8038 must be the contact of a program's first step (else      PW10, FX
                               its settings of the link are without effect: assumed)
     ``latched``               what stays over a power loss and RUN→STOP (PW10: assumed)      FX programming
+    ``latched_pulse_again``   PLS and PLF of latched M begin anew at RUN, as others do         assumed
     ``transaction_time``      what each active transaction of a port adds to a PLC scan      assumed
     ``broadcast_turnaround``  a Modbus master's pause after a broadcast (100 to 200 ms)      std
     ``rtu_gaps``              the silences of Modbus RTU on the ports                        std
@@ -211,6 +212,7 @@ class Profile:
     error_codes: ErrorCodes = ErrorCodes.PW10
     link_at_step_0: bool = False
     latched: Annotated[tuple[DeviceRange, ...], Composed] = _FX2N_LATCHED
+    latched_pulse_again: bool = False
     transaction_time: Annotated[int, Ticks(0, TICKS_PER_SECOND)] = TICKS_PER_MS // 5
     broadcast_turnaround: Annotated[int, Ticks(0, 60 * TICKS_PER_SECOND)] = 100 * TICKS_PER_MS
     rtu_gaps: Annotated[GapRule, Composed] = STANDARD_GAPS
@@ -227,6 +229,11 @@ class Profile:
     def family(self) -> Family:
         """Whose devices it has."""
         return {"fx1s": Family.FX1S, "fx3u": Family.FX3U}.get(self.name, Family.FX2N)
+
+    @property
+    def set_under(self) -> str:
+        """The contact under which a program sets the link."""
+        return "M8038" if self.link_at_step_0 else "M8002"
 
     @property
     def devices(self) -> LinkDevices:

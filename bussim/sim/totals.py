@@ -21,7 +21,7 @@ def plc_totals(plc: Plc) -> PlcTotals:
         name=plc.name,
         registers=plc.link_registers.registers(),
         own_names=plc.link_registers.own_names(),
-        set_under="M8038" if plc.profile.link_at_step_0 else "M8002",
+        set_under=plc.profile.set_under,
         scans=cycle.count,
         scan_mean=cycle.total / cycle.count if cycle.count else None,
         scan_max=cycle.longest if cycle.count else None,

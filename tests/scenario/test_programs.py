@@ -414,12 +414,13 @@ def test_special_bits_that_the_scenario_sets_and_that_change_nothing(tmp_path: P
         "name: two\n    registers: {M8034: 1, M8033: 0, M8160: 1, M8161: 1, M08024: 1}\n",
     )
     swapped = SLAVE.replace("END", "XCHP D40 D41\nEND")
+    of_rs2 = "RS2 has that of the format word which CPAVL takes"
     assert shown(warnings(tmp_path, text, **{"two.il": swapped}), tmp_path) == [
-        f"x.yaml:{where}: two: M{bit}, {what}, is not simulated: it changes nothing, and nothing drives it"
+        f"x.yaml:{where}: two: M{bit}, {what}: it changes nothing, and nothing drives it"
         for where, bit, what in (
-            ("11:17", 8034, "which switches all outputs off"),
-            ("11:37", 8160, "which makes XCH swap bytes"),
-            ("11:47", 8161, "the 8-bit mode of RS (RS2 has that of the format word which CPAVL takes)"),
+            ("11:17", 8034, "which switches all outputs off, is not simulated"),
+            ("11:37", 8160, "which makes XCH swap bytes, is not simulated"),
+            ("11:47", 8161, f"the 8-bit mode of RS ({of_rs2}), is for RS, which no program of the PLC has"),
         )
     ]
 

@@ -130,7 +130,9 @@ class Sizing:
             return []
         plural = "attempt" if best.attempts == 1 else "attempts"
         meaning = f"{best.attempts} {plural} per poll (D8179 read as {self.model.reading})"
+        when = "the program's first step" if self.model.set_under == "M8038" else "the first scan"
         return [
+            f"LD {self.model.set_under}  ; {when}",
             f"MOV K{best.retries} D8179  ; retries: {meaning}",
             f"MOV K{best.d8180} D8180  ; timeout: {ms(best.timeout)} ms",
         ]

@@ -11,16 +11,19 @@ What a PLC does after the watchdog has expired is not public. Assumed: its outpu
 scan follows until STOP→RUN, while its END goes on serving the link and the ports, with what memory
 holds; the scan in which it expired lasts as long as its instructions took until then.
 
-At STOP→RUN all memories of edges are cleared, and the operation error (M8067 M8068, D8067–D8069). What
-becomes of devices at RUN→STOP and at a power loss is the PLC's business (:mod:`bussim.plc.plc`).
+At STOP→RUN the operation error (M8067 M8068, D8067–D8069) and all memories of edges are cleared, but those of
+PLS and PLF of latched relays: such a relay pulses again only after its input was seen off (FX programming
+manual, 2.16, from memory: assumed). What becomes of devices at RUN→STOP and at a power loss is the PLC's
+business (:mod:`bussim.plc.plc`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from operator import and_
 
 from bussim.plc.errors import note_errors
-from bussim.plc.memory import Memory
+from bussim.plc.memory import DeviceRange, Memory
 from bussim.plc.program.compiled.build import blocks
 from bussim.plc.program.compiled.code import END
 from bussim.plc.program.instruction_times import DEFAULT_TIMES, InstructionTimes, ticks_of
@@ -53,7 +56,8 @@ class ProgramRun:
     """A program on a memory, from power-on. Made anew when the memory is.
 
     ``power_on`` is the tick from which the PLC's clocks run. ``ports`` carries out RS2 and CPAVL;
-    ValueError if the program has one and there are none.
+    ValueError if the program has one and there are none. ``kept_pulses``: the relays whose PLS and PLF
+    remember their input over STOP, and over a power loss, as their memory then does.
     """
 
     def __init__(
@@ -64,6 +68,7 @@ class ProgramRun:
         times: InstructionTimes = DEFAULT_TIMES,
         ports: Ports | None = None,
         power_on: int = 0,
+        kept_pulses: Iterable[DeviceRange] = (),
     ) -> None:
         if ports is None and program.uses_ports:
             raise ValueError(f"{program.name} has RS2 or CPAVL, which need ports")
@@ -78,6 +83,13 @@ class ProgramRun:
         self.unwatched = 0
         self._origin = power_on
         self._machine = Machine(memory, times, ports, size=len(program.instructions), origin=power_on)
+        latched = [kept for kept in kept_pulses if kept.letter == "M"]
+        self._keeps = bytes(
+            at.name in ("PLS", "PLF")
+            and at.operands[0].kind == "M"
+            and any(kept.first <= at.operands[0].address <= kept.last for kept in latched)
+            for at in program.instructions
+        )
         self._m, self._d = memory.bits("M"), memory.words("D")
         self._calls: list[int] = []
         self._watched = 0
@@ -104,7 +116,8 @@ class ProgramRun:
         """STOP→RUN at a tick."""
         machine, m = self._machine, self._m
         machine.now[0] = now - self._origin
-        for memories in (machine.earlier, machine.counter_input, machine.saved):
+        machine.earlier[:] = bytes(map(and_, machine.earlier, self._keeps))
+        for memories in (machine.counter_input, machine.saved):
             memories[:] = bytes(len(memories))
         machine.timer_scan[:] = machine.timer_pulse[:] = [0] * 512
         machine.scan[0] = 0

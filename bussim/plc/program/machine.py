@@ -71,7 +71,7 @@ class Machine:
         self.scan = [0]
         self.spent = [0]
         #: The condition that each instruction had when it was last carried out (edges and pulses).
-        self.earlier = bytearray(size)
+        self.earlier = memory.earlier = memory.earlier or bytearray(size)
         #: Conditions kept for later on the same rung.
         self.saved = bytearray(size)
         #: Conditions of MC N0–N7 and, last, of the step; on where a jump has left the MC out (FX programming

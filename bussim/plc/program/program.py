@@ -19,9 +19,8 @@ from bussim.plc.system_devices import CLOCK
 
 #: The bit under which an FX takes its link settings over, if its contact is the program's first step.
 LINK_SETTINGS = 8038
-#: What an FX1S lacks of the applied instructions (table of FX programming, from memory: assumed), and the
-#: two that a PW10 has.
-_NOT_OF_AN_FX1S = ("CML", "FMOV", "XCH", "NEG", "ROR", "ROL", "MEAN", "RS2", "CPAVL")
+#: What an FX1S lacks of the applied instructions (table of FX programming, from memory: assumed).
+_NOT_OF_AN_FX1S = ("CML", "FMOV", "XCH", "NEG", "ROR", "ROL", "MEAN")
 
 
 @dataclass(frozen=True)

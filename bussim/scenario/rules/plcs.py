@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bussim.forms.registers import check_registers, named_devices
-from bussim.plc.link_registers import TAKE_PART, TIMEOUT_UNIT
+from bussim.plc.link_registers import TAKE_PART, TIMEOUT_UNIT, mode_numbers
 from bussim.plc.memory import FIRST_SPECIAL, Device
 from bussim.plc.system_devices import CLOCK, clock_of
 from bussim.scenario.resolve.members import KEYS_OF_DEVICES, PORT_DEVICE, Member, device_name
@@ -97,8 +97,8 @@ def _check_nn(entry: Entry[PlcIn], member: Member, report: Report) -> None:
         return
     path = (*entry.path, "nn")
     if nn.mode is not None and nn.mode not in profile.modes and not entry.lost("profile"):
-        allowed = ", ".join(map(str, profile.modes))
-        report.error((*path, "mode"), f"is {nn.mode}, allowed {allowed} (profile {profile.name})")
+        allowed = f"{mode_numbers(profile.modes)} (profile {profile.name})"
+        report.error((*path, "mode"), f"is {nn.mode}, allowed {allowed}")
     if nn.timeout is not None:
         low, high = (limit * TIMEOUT_UNIT for limit in profile.timeout_range)
         below = nn.timeout - nn.timeout % TIMEOUT_UNIT

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from bussim.errors import Problem
 from bussim.plc.link_registers import D_MODE, TAKE_PART
-from bussim.plc.memory import BlockRange, Device, parse_device
+from bussim.plc.memory import FIRST_SPECIAL, BlockRange, Device, parse_device
+from bussim.plc.profiles import PROFILES
 from bussim.scenario.resolve.members import KEYS_OF_DEVICES, Member
 from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.rules.links import blocks_of, link_of
@@ -35,12 +36,12 @@ def check_programs(resolved: Resolved, report: Report) -> None:
     beyond = {member.name: _words_beyond(member, members) for member in members}
     for member in members:
         program = member.logic.program
+        _check_specials(member, report)
         if program is None:
             continue
         # A line costs its indentation as well.
         total += len(program.text.encode()) + 8 * program.text.count("\n")
         _check_settings(member, report)
-        _check_specials(member, report)
         _check_ports(member, report)
         _check_writes(member, members, report)
         _check_rungs(program, member, members, report)
@@ -120,16 +121,20 @@ def _check_settings(member: Member, report: Report) -> None:
 
 def _check_specials(member: Member, report: Report) -> None:
     """Special devices that the scenario sets and that do nothing."""
+    specials = {
+        name: device for name in member.raw if (device := parse_device(name)).address >= FIRST_SPECIAL
+    }
+    if not specials:
+        return
     from bussim.plc.program.text.operand_checks import Extent
     from bussim.plc.program.text.specials import not_simulated
 
     program = member.logic.program
     with_rs = program is not None and program.uses_rs
-    for name, value in member.raw.items():
-        letter, address = parse_device(name)
+    for name, (letter, address) in specials.items():
         extent = Extent(letter, address, address, word=letter == "D", writes=True)
         found = not_simulated(extent, with_rs=with_rs, family=member.profile.family)
-        for message in found if value else ():
+        for message in found if member.raw[name] else ():
             report.warn((*member.path, "registers", name), f"{member.name}: {message}", key=True)
 
 
@@ -147,8 +152,17 @@ def _check_ports(member: Member, report: Report) -> None:
     if program is None:
         return
     reported: set[str] = set()
+    profile, first = member.profile, PROFILES["pw10"].firmware
+    lacks = f"profile {profile.name} lacks it"
+    if profile.board_ports == PROFILES["pw10"].board_ports:
+        old = any(has < needed for has, needed in zip(profile.firmware, first, strict=True))
+        lacks = f"firmware {profile.firmware[0]}, {profile.firmware[1]} lacks it" if old else ""
     for at in program.instructions:
         port = _port(at, member)
+        if lacks and at.name in ("RS2", "CPAVL") and at.name not in reported:
+            reported.add(at.name)
+            have = f"PW10s from firmware D8001 = {first[0]}, D8101 = {first[1]} on have {at.name}"
+            _warn_at(member, at, f"{have}; {lacks}: it is simulated as if it were there", report)
         does = f"sets {port} up" if at.spec.name == "CPAVL" else f"drives {port}"
         if at.name == "RS" and member.takes_part and port == member.port and port not in reported:
             _warn_at(member, at, f"RS {does}, which the link has: it does nothing", report)

@@ -25,6 +25,7 @@ from bussim.forms.fields import (
     Sentence,
     Time,
     Title,
+    any_whole,
     choice,
     one_of,
     time,
@@ -106,7 +107,7 @@ class NNIn(Model):
     port: LinkPort | None = None
     station: Annotated[int, whole(0, MAX_SLAVES)]
     slaves: Annotated[int, whole(1, MAX_SLAVES)] | None = None
-    mode: Annotated[int, whole(0, 4)] | None = None
+    mode: Annotated[int, any_whole] | None = None  # the profile bounds it
     retries: Annotated[int, whole(0, MAX_RETRIES)] | None = None
     timeout: Time | None = None
 

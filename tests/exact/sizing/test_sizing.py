@@ -175,6 +175,7 @@ def test_the_other_reading_has_its_own_recommendation() -> None:
     assert sizing.recommended.attempts == plus_1.recommended.attempts
     assert sizing.recommended.retries == plus_1.recommended.retries + 1
     assert sizing.mov_lines() == [
+        "LD M8002  ; the first scan",
         "MOV K5 D8179  ; retries: 5 attempts per poll (D8179 read as retries)",
         "MOV K5 D8180  ; timeout: 50 ms",
     ]

@@ -215,7 +215,10 @@ GUESS = " (a guess; if its comments look wrong, save it as UTF-8)"
 @pytest.mark.parametrize(
     ("content", "kind"),
     [
-        (gx_works2(LINK), "exported by a programming tool (columns separated by tabs), UTF-16"),
+        (
+            gx_works2(LINK),
+            "exported by a programming tool (columns separated by tabs; taken: Instruction, I/O(Device)), UTF-16",
+        ),
         (gx_developer(LINK), "exported by a programming tool (columns separated by commas), GBK" + GUESS),
         (
             gx_developer(START_STOP),
@@ -239,6 +242,26 @@ def test_a_mistake_in_a_table_has_its_line_and_column(tmp_path: Path) -> None:
     assert found[0].message == "OUT X001: X is an input; a program can only read it"
 
 
+@pytest.mark.parametrize("delimiter", [",", "\t", ";"])
+@pytest.mark.parametrize("preset", ["Preset", "Set Value", "設定値", "设定值"])
+def test_a_preset_has_a_column_of_its_own(delimiter: str, preset: str) -> None:
+    rows = [
+        ("Step", "Instruction", "Device", preset, "Note"),
+        ("0", "LD", "X000", "", "K7"),
+        ("1", "OUT", "T0", "K50", "5 s"),
+        ("4", "LD", "T0", "", ""),
+        ("5", "OUT", "C3", "D10", ""),
+        ("8", "END", "", "", ""),
+    ]
+    found = listing("\n".join(delimiter.join(row) for row in rows))
+    assert found.kind.endswith(f"; taken: Instruction, Device, {preset})")
+    program = Program.parse(found.text, "p")
+    assert [" ".join(each.text for each in at.operands) for at in program.instructions] == [
+        "X000", "T0 K50", "T0", "C3 D10", "",
+    ]  # fmt: skip
+    assert not program.warnings
+
+
 def test_long_notes_do_not_make_a_program_too_long(tmp_path: Path) -> None:
     rows = [
         (at, ("OUT" if at % 2 else "LD"), f"M{at}", "コンベヤの起動条件を確認する" * 12) for at in range(298)
@@ -255,7 +278,7 @@ def test_columns_of_a_heading_need_no_quotes(tmp_path: Path) -> None:
     found = examine(scenario(tmp_path, text.encode())).scenario
     assert found is not None
     assert found.plcs[0].program is not None
-    assert found.plcs[0].program.kind.endswith("(columns separated by semicolons), UTF-8")
+    assert found.plcs[0].program.kind.endswith(", I/O(Device)), UTF-8")
     # In a list a semicolon begins a comment.
     listed = listing("LD X0 ; start\nOUT Y0 ; motor\nEND")
     assert (listed.kind, listed.text) == ("an instruction list", "LD X0 ; start\nOUT Y0 ; motor\nEND")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from bussim.errors import ProgramError
 from bussim.plc.program.instruction_times import InstructionTimes
 from tests.plc.program.rigs import Rig
 
@@ -18,6 +19,11 @@ def test_cj_leaves_out_what_lies_before_its_label() -> None:
 def test_cjp_jumps_once_per_edge() -> None:
     rig = Rig("LD X0 / CJP P0 / LD M8000 / INC D0 / P0").scan(3, X0=1)
     assert rig.word("D0") == 2
+
+
+def test_a_count_of_for_that_no_word_holds_is_refused() -> None:
+    with pytest.raises(ProgramError, match=r"K40000, allowed K-32768…K32767 \(below 1 it counts as 1\)"):
+        Rig("FOR K40000 / NEXT")
 
 
 def test_p63_is_the_end() -> None:

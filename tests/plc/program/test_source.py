@@ -92,6 +92,8 @@ def test_what_a_line_may_look_like() -> None:
         ("BMOV C200 D0 K1", 6, "allowed C0–C199"),
         ("DMOV K1 V0", 9, "Z0 names that of V0 and Z0"),
         ("MUL D0 D1 Z0", 11, "allowed KnY KnM KnS T C D"),
+        ("CJ 5", 4, "did you mean P5?"),
+        ("MC 0 M5", 4, "did you mean N0?"),
         ("OUT T0 K40000", 8, "K0…K32767"),
         ("OUT T0 D8256", 8, "D8256"),
         ("OUT C240 K1", 1, "counts in hardware"),

@@ -112,6 +112,20 @@ def test_what_names_a_counter_in_hardware_is_warned_of(line: str, counter: str) 
     assert not Program.parse("LD M8000\nRST C234\nZRST C200 C255\nEND", "p").warnings
 
 
+@pytest.mark.parametrize(
+    ("line", "effect"),
+    [
+        ("DHSCS K100 C235 Y0", "its counter counts in hardware"),
+        ("DHSCR K100 C235 M5", "its counter counts in hardware"),
+        ("DHSZ K1 K2 C235 Y0", "its counter counts in hardware"),
+        ("PRUN K1X0 K1M0", "what it would write stays as it is"),
+    ],
+)
+def test_the_reason_is_that_of_the_instruction(line: str, effect: str) -> None:
+    (warning,) = Program.parse(f"LD M8000\n{line}\nEND", "p", skips=True).warnings
+    assert effect in warning.message
+
+
 def test_a_mistake_stays_one() -> None:
     with pytest.raises(ProgramError, match="did you mean OUT"):
         Program.parse(TEXT.replace("OUT Y1", "OUTT Y1"), "p", skips=True)

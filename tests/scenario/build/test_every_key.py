@@ -61,6 +61,7 @@ plcs:
       firmware: [25020, 16004]
       error_codes: 63xx
       link_at_step_0: true
+      latched_pulse_again: true
       latched: [M0-M9, D7000-D7999]
       word_spacing: 40
       transaction_time: 1 ms

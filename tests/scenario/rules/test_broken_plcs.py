@@ -171,7 +171,15 @@ CASES: dict[str, tuple[str, list[str]]] = {
     ),
     "mode 5": (
         changed("slaves: 2", "slaves: 2, mode: 5"),
-        ["x.yaml:9:62: nn.mode is 5, allowed 0..4"],
+        ["x.yaml:9:62: nn.mode is 5, allowed 0..4 (profile pw10)"],
+    ),
+    "mode 5 of an FX3U": (
+        changed("slaves: 2", "slaves: 2, mode: 5").replace("scan: 8 ms", "scan: 8 ms\n    profile: fx3u"),
+        ["x.yaml:10:62: nn.mode is 5, allowed 0..2 (profile fx3u)"],
+    ),
+    "mode text": (
+        changed("slaves: 2", "slaves: 2, mode: two"),
+        ["x.yaml:9:62: nn.mode is 'two', expected a whole number"],
     ),
     "mode fx1s": (
         changed("slaves: 2", "slaves: 2, mode: 1").replace("scan: 8 ms", "scan: 8 ms\n    profile: fx1s"),

@@ -28,6 +28,7 @@ _HEADS = {
         "软元件",
         "軟元件",
     ),
+    "preset": ("preset", "setvalue", "settingvalue", "設定値", "设定值", "设置值", "预设值"),
     "comment": ("comment", "コメント", "注释", "註解", "注解", "软元件注释"),
     "name": ("device", "devicename", "デバイス", "デバイス名", "软元件", "软元件名", "軟元件名"),
 }
@@ -77,7 +78,11 @@ def listing(text: str, *, family: Family = Family.FX3U) -> Listing:
         return Listing(INSTRUCTION_LIST, "\n".join(plain))
     at = where["instruction"] if "instruction" in where else _busiest(filled)
     device = where.get("device", at + 1)
-    done = (_plain(row, at, device, body=number >= head) for number, row in enumerate(rows))
+    texts = (at, device, where.get("preset"))
+    if head:
+        taken = (cell.text for number, cell in enumerate(rows[head - 1]) if number in texts)
+        words += f"; taken: {', '.join(taken)}"
+    done = (_plain(row, at, texts, body=number >= head) for number, row in enumerate(rows))
     return Listing(f"a program exported by a programming tool ({words})", "\n".join(done))
 
 
@@ -112,7 +117,7 @@ def _heading(rows: list[list[_Cell]]) -> tuple[int, dict[str, int]]:
             if cell.text.casefold().replace(" ", "") in heads
         }
         if "instruction" in where and len(row) > 2:
-            return number + 1, {name: where[name] for name in ("instruction", "device") if name in where}
+            return number + 1, {name: where[name] for name in where.keys() - {"comment", "name"}}
         if "comment" in where and "name" in where:
             return number + 1, {"comment": where["comment"]}
     return 0, {}
@@ -143,10 +148,10 @@ def _busiest(filled: list[list[_Cell]]) -> int:
     return max(set(columns), key=columns.count)
 
 
-def _plain(row: list[_Cell], at: int, device: int, *, body: bool) -> str:
+def _plain(row: list[_Cell], at: int, texts: tuple[int | None, ...], *, body: bool) -> str:
     """A row as a line of an instruction list: each word at its column, then a comment of all else."""
     step = row[:1] if body and at > 0 and row[0].text.isdecimal() else []
-    words = [cell for number, cell in enumerate(row) if body and number in (at, device) and cell.text]
+    words = [cell for number, cell in enumerate(row) if body and number in texts and cell.text]
     line = ""
     for word in [*step, *words] if words else []:
         line = f"{line:{word.column}}{word.text}"

@@ -130,6 +130,7 @@ def _constant_problem(name: str, slot: Slot, operand: Operand, *, wide: bool) ->
     if low <= value <= high:
         return None
     hint = "" if wide or limits is not None else _wide_hint(name)
+    hint = " (below 1 it counts as 1)" if name == "FOR" else hint
     return f"{name}: the {slot.name} is {operand.text}, allowed K{low}…K{high}{hint}"
 
 

@@ -88,8 +88,10 @@ def range_text(letter: str, *, family: Family = Family.FX2N) -> str:
     return range_names(letter, ranges or WORD_RANGES[letter])
 
 
-def parse_operand(text: str, column: int, *, family: Family = Family.FX2N) -> Operand:
+def parse_operand(text: str, column: int, *, family: Family = Family.FX2N, plain: str = "K") -> Operand:
     """The operand that a text names; ``family``: whose devices it may name.
+
+    ``plain``: what a number without its letter probably is.
 
     Raises ValueError with a message for the user.
     """
@@ -123,7 +125,7 @@ def parse_operand(text: str, column: int, *, family: Family = Family.FX2N) -> Op
         address = _address(text, letter, digits, family=family)
         kind = "D" if letter == "R" else letter
         return Operand(text, column, kind, letter, address, 0, _index(text, *index), family=family)
-    raise ValueError(f"{shorten(repr(text))} is no device or constant; {_hint(upper)}")
+    raise ValueError(f"{shorten(repr(text))} is no device or constant; {_hint(upper, plain)}")
 
 
 def _address(text: str, letter: str, digits: str, *, family: Family = Family.FX2N) -> int:
@@ -151,10 +153,10 @@ def _index(text: str, letter: str | None, digits: str | None) -> tuple[str, int]
     return letter, number
 
 
-def _hint(upper: str) -> str:
+def _hint(upper: str, plain: str) -> str:
     """What may have been meant: letters for digits are the commonest slip."""
     if upper.lstrip("+-").isdigit() and upper.isascii():
-        return f"did you mean K{shorten(upper)}?"
+        return f"did you mean {plain}{shorten(upper)}?"
     if len(upper) == 1 and upper in "XYMSTCDPN":
         return f"{upper} needs a number, such as {upper}0"
     repaired = upper[:1] + upper[1:].translate(str.maketrans("OIL", "011"))

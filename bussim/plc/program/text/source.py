@@ -270,8 +270,10 @@ class Source:
     def _operands(self, form: Form, words: list[_Word]) -> tuple[Operand, ...]:
         found: list[Operand] = []
         for at, word in enumerate(words):
+            takes = [kind for slot in slots_of(form, tuple(found))[at : at + 1] for kind in slot.takes]
+            plain = "K" if len(takes) != 1 else takes[0]
             try:
-                found.append(parse_operand(word.text, word.column, family=self._family))
+                found.append(parse_operand(word.text, word.column, family=self._family, plain=plain))
             except ValueError as error:
                 more = form.spec is not SKIPPED and at >= len(slots_of(form, tuple(found)))
                 hint = "; put ; in front of a comment" if more or re.search(r"[(\[{<]", word.text) else ""

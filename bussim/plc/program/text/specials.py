@@ -47,4 +47,6 @@ def not_simulated(extent: Extent, *, with_rs: bool, family: Family) -> Iterator[
         if own is not None and own.address != address == extent.first:
             yield f"{letter}{address} does nothing on an {family}, whose N:N link has {own} in its place"
         if not alive and own is None and (address == extent.first or (effect and extent.writes)):
-            yield f"{letter}{address}{effect} is not simulated: it changes nothing, and nothing drives it"
+            of_rs = any(each.letter == letter and each.first <= address <= each.last for each in _OF_RS)
+            why = "is for RS, which no program of the PLC has" if of_rs else "is not simulated"
+            yield f"{letter}{address}{effect} {why}: it changes nothing, and nothing drives it"

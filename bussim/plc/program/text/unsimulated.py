@@ -20,12 +20,14 @@ SKIPPED = Spec("(skipped)", LadderRole.OUTPUT)
 _EFFECTS = {
     "its port stays silent; polls: of the PLC make the same requests": "ADPRW",
     "its port speaks to no inverter; polls: of the PLC make requests": "IVCK IVDR IVRD IVWR IVBWR IVMC EXTR",
-    "interrupts never come, what their programs write stays as it is": "I EI DI IRET HSCS HSCR HSZ",
-    "inputs and outputs change at the ends of a scan, never within it": "REF REFF PRUN",
+    "interrupts never come, what their programs write stays as it is": "I EI DI IRET",
+    "its counter counts in hardware, which is not simulated: what it sets or resets stays as it is, and its \
+interrupts never come": "HSCS HSCR HSZ",
+    "inputs and outputs change at the ends of a scan, never within it": "REF REFF",
     "no special module is there, what it would read stays as it is": "FROM TO RD3A WR3A RBFM WBFM",
     "its rung is never driven": "MEP MEF",
     "the link goes on, but what it would write stays as it is, shared devices too": """
-        SMOV MTR SPD PLSY PWM PLSR IST SER ABSD INCD TTMR STMR RAMP ROTC SORT TKY HKY DSW SEGD SEGL ARWS
+        SMOV PRUN MTR SPD PLSY PWM PLSR IST SER ABSD INCD TTMR STMR RAMP ROTC SORT TKY HKY DSW SEGD SEGL ARWS
         ASC PR ASCI HEX CCD VRRD VRSC PID RCR RCL WSFR WSFL SFWR SFRD DECO ENCO SUM BON ANS ANR SQR FLT
         ZPUSH ZPOP ECMP EZCP EMOV ESTR EVAL EBCD EBIN EADD ESUB EMUL EDIV EXP LOGE LOG10 ESQR ENEG INT
         SIN COS TAN ASIN ACOS ATAN RAD DEG WSUM WTOB BTOW UNI DIS SWAP SORT2 DSZR DVIT TBL ABS ZRN PLSV
