@@ -8,7 +8,7 @@ takes the image that is frozen at END.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 
 from bussim.plc.inputs import NEVER, Change, Stimulus
 from bussim.plc.memory import BlockRange, Device, DeviceRange, Memory, SharedAreas
@@ -36,7 +36,7 @@ class Logic:
         times: InstructionTimes,
         ports: ProgramPorts,
         now: int,
-        kept_pulses: Iterable[DeviceRange] = (),
+        kept_pulses: Sequence[DeviceRange] = (),
     ) -> None:
         self._memory = memory
         self._inputs = dict(inputs)

@@ -196,6 +196,10 @@ class DeviceRange(NamedTuple):
     def __str__(self) -> str:
         return f"{self.letter}{self.first}-{self.letter}{self.last}"
 
+    def holds(self, device: Device) -> bool:
+        """Whether a device lies in it."""
+        return self.letter == device.letter and self.first <= device.address <= self.last
+
 
 def device_ranges(text: str) -> tuple[DeviceRange, ...]:
     """The ranges of a text such as ``M500-3071 D200-7999 M8033``, whether a PLC has them or not."""

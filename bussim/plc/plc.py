@@ -284,10 +284,6 @@ class Plc:
         # With logic every END is carried out when it happens.
         if self.logic is None and (end := self.cycle.latest_end(now)) is not None:
             self._refresh(end)
-        self._publish()
-
-    def _publish(self) -> None:
-        """Write the link's status into the special devices."""
         self.link_registers.publish()
 
     def _refresh(self, end: int) -> None:
@@ -332,7 +328,7 @@ class Plc:
         self.record_faults(now)
         self._refresh(now)
         if self.every_end or (self._linked and any(port.shows_memory for port in port_registers.values())):
-            self._publish()
+            self.link_registers.publish()
         hints: dict[str, int] = {}
         active = 0
         for name, each in port_registers.items():

@@ -12,14 +12,13 @@ scan follows until STOP→RUN, while its END goes on serving the link and the po
 holds; the scan in which it expired lasts as long as its instructions took until then.
 
 At STOP→RUN the operation error (M8067 M8068, D8067–D8069) and all memories of edges are cleared, but those of
-PLS and PLF of latched relays: such a relay pulses again only after its input was seen off (FX programming
-manual, 2.16, from memory: assumed). What becomes of devices at RUN→STOP and at a power loss is the PLC's
-business (:mod:`bussim.plc.plc`).
+PLS and PLF of latched relays (FX programming manual, 2.16, from memory: assumed). What becomes of devices at
+RUN→STOP and at a power loss is the PLC's business (:mod:`bussim.plc.plc`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from operator import and_
 
 from bussim.plc.errors import note_errors
@@ -68,7 +67,7 @@ class ProgramRun:
         times: InstructionTimes = DEFAULT_TIMES,
         ports: Ports | None = None,
         power_on: int = 0,
-        kept_pulses: Iterable[DeviceRange] = (),
+        kept_pulses: Sequence[DeviceRange] = (),
     ) -> None:
         if ports is None and program.uses_ports:
             raise ValueError(f"{program.name} has RS2 or CPAVL, which need ports")
@@ -83,11 +82,8 @@ class ProgramRun:
         self.unwatched = 0
         self._origin = power_on
         self._machine = Machine(memory, times, ports, size=len(program.instructions), origin=power_on)
-        latched = [kept for kept in kept_pulses if kept.letter == "M"]
         self._keeps = bytes(
-            at.name in ("PLS", "PLF")
-            and at.operands[0].kind == "M"
-            and any(kept.first <= at.operands[0].address <= kept.last for kept in latched)
+            at.name in ("PLS", "PLF") and any(kept.holds(at.operands[0].device) for kept in kept_pulses)
             for at in program.instructions
         )
         self._m, self._d = memory.bits("M"), memory.words("D")
@@ -149,9 +145,6 @@ class ProgramRun:
         self.halted_after = ticks_of(self._watched) + self._d[8000] * TICKS_PER_MS
         self._m[8061], self._d[8061] = 1, code
         note_errors(self._m, self._d)
-        self._clear_outputs()
-
-    def _clear_outputs(self) -> None:
         outputs = self._machine.bits["Y"]
         outputs[:] = bytes(len(outputs))
 

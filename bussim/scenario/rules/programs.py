@@ -121,9 +121,8 @@ def _check_settings(member: Member, report: Report) -> None:
 
 def _check_specials(member: Member, report: Report) -> None:
     """Special devices that the scenario sets and that do nothing."""
-    specials = {
-        name: device for name in member.raw if (device := parse_device(name)).address >= FIRST_SPECIAL
-    }
+    raw = {name: parse_device(name) for name in member.raw if name not in TAKE_PART}
+    specials = {name: device for name, device in raw.items() if device.address >= FIRST_SPECIAL}
     if not specials:
         return
     from bussim.plc.program.text.operand_checks import Extent
@@ -152,17 +151,15 @@ def _check_ports(member: Member, report: Report) -> None:
     if program is None:
         return
     reported: set[str] = set()
-    profile, first = member.profile, PROFILES["pw10"].firmware
-    lacks = f"profile {profile.name} lacks it"
-    if profile.board_ports == PROFILES["pw10"].board_ports:
-        old = any(has < needed for has, needed in zip(profile.firmware, first, strict=True))
-        lacks = f"firmware {profile.firmware[0]}, {profile.firmware[1]} lacks it" if old else ""
+    first, (d8001, d8101) = PROFILES["pw10"].firmware, member.profile.firmware
+    lacks = member.profile.name != "pw10" or d8001 < first[0] or d8101 < first[1]
     for at in program.instructions:
         port = _port(at, member)
         if lacks and at.name in ("RS2", "CPAVL") and at.name not in reported:
             reported.add(at.name)
-            have = f"PW10s from firmware D8001 = {first[0]}, D8101 = {first[1]} on have {at.name}"
-            _warn_at(member, at, f"{have}; {lacks}: it is simulated as if it were there", report)
+            have = f"a PW10 has {at.name} from firmware {first[0]}, {first[1]} on (D8001, D8101)"
+            lacking = f"profile {member.profile.name} with {d8001}, {d8101} lacks it"
+            _warn_at(member, at, f"{have}; {lacking}: it is simulated as if it were there", report)
         does = f"sets {port} up" if at.spec.name == "CPAVL" else f"drives {port}"
         if at.name == "RS" and member.takes_part and port == member.port and port not in reported:
             _warn_at(member, at, f"RS {does}, which the link has: it does nothing", report)

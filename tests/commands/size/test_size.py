@@ -124,7 +124,7 @@ def test_the_reading_of_d8179_is_the_profiles(retries: int, tmp_path: Path) -> N
     path = tmp_path / "reading.yaml"
     path.write_text(READING, encoding="utf-8")
     found = sized(str(path), "--set", f"plcs.a.nn.retries={retries}", "--set", "plcs.a.nn.timeout=200 ms")
-    assert found["mov"][0].startswith("MOV K4 D8179")  # type: ignore[index]
+    assert found["mov"][1].startswith("MOV K4 D8179")  # type: ignore[index]
     assert found["recommended"]["attempts"] == 4  # type: ignore[index]
 
 

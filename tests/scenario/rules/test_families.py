@@ -26,10 +26,10 @@ def test_special_devices_of_a_plc_without_a_program_are_warned_of(tmp_path: Path
     ("profile", "lacks"),
     [
         ("pw10", ""),
-        ("{base: pw10, firmware: [25009, 16003]}", "firmware 25009, 16003 lacks it"),
-        ("{base: pw10, firmware: [25010, 16002]}", "firmware 25010, 16002 lacks it"),
-        ("fx3u", "profile fx3u lacks it"),
-        ("fx1s", "profile fx1s lacks it"),
+        ("{base: pw10, firmware: [25009, 16003]}", "pw10 with 25009, 16003"),
+        ("{base: pw10, firmware: [25010, 16002]}", "pw10 with 25010, 16002"),
+        ("{base: fx3u, firmware: [26000, 17000]}", "fx3u with 26000, 17000"),
+        ("fx1s", "fx1s with 22300, 0"),
     ],
 )
 def test_cpavl_and_rs2_are_a_pw10s(tmp_path: Path, profile: str, lacks: str) -> None:
@@ -40,10 +40,12 @@ def test_cpavl_and_rs2_are_a_pw10s(tmp_path: Path, profile: str, lacks: str) -> 
     )
     path = tmp_path / "x.yaml"
     path.write_text(text)
-    have = "PW10s from firmware D8001 = 25010, D8101 = 16003 on have"
-    found = [each.message for each in examine(path).warnings if "have" in each.message]
+    found = [
+        each.message for each in examine(path).warnings if "have" in each.message or "lacks" in each.message
+    ]
     assert found == [
-        f"p: {have} {name}; {lacks}: it is simulated as if it were there"
+        f"p: a PW10 has {name} from firmware 25010, 16003 on (D8001, D8101); profile {lacks} lacks it: "
+        "it is simulated as if it were there"
         for name in ("CPAVL", "RS2")
         if lacks
     ]

@@ -33,20 +33,19 @@ _OF_RS = device_ranges("M8121-8124 M8129 M8161 D8120 D8122-8125 D8129")
 def not_simulated(extent: Extent, *, with_rs: bool, family: Family) -> Iterator[str]:
     """What is to be said of special devices that are touched: of the first, and of bits that are written.
 
-    So of counters that count in hardware.
-
-    ``with_rs``: of a program with an RS.
+    So of counters that count in hardware. ``with_rs``: of a program with an RS.
     """
     if extent.letter == "C" and extent.first >= FIRST_FAST_COUNTER:
         yield f"C{extent.first} counts in hardware, which is not simulated: it never counts"
     letter, known = extent.letter, (*_ALIVE, *(_OF_RS if with_rs else ()))
     for address in range(max(extent.first, FIRST_SPECIAL), extent.last + 1) if letter in "MD" else ():
         effect = SPECIAL_BITS.get(address, "") if letter == "M" else ""
-        alive = any(each.letter == letter and each.first <= address <= each.last for each in known)
-        own = LINK_STATUS[family].get(Device(letter, address))
+        device = Device(letter, address)
+        alive = any(each.holds(device) for each in known)
+        own = LINK_STATUS[family].get(device)
         if own is not None and own.address != address == extent.first:
-            yield f"{letter}{address} does nothing on an {family}, whose N:N link has {own} in its place"
+            yield f"{device} does nothing on an {family}, whose N:N link has {own} in its place"
         if not alive and own is None and (address == extent.first or (effect and extent.writes)):
-            of_rs = any(each.letter == letter and each.first <= address <= each.last for each in _OF_RS)
+            of_rs = any(each.holds(device) for each in _OF_RS)
             why = "is for RS, which no program of the PLC has" if of_rs else "is not simulated"
-            yield f"{letter}{address}{effect} {why}: it changes nothing, and nothing drives it"
+            yield f"{device}{effect} {why}: it changes nothing, and nothing drives it"
