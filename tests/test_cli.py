@@ -40,7 +40,7 @@ def test_help_imports_nothing_expensive() -> None:
         "matplotlib",
         "numpy",
         "pydantic",
-        "ruamel",
+        "yaml",
         "rich",
         "simpy",
         "serial",

@@ -135,4 +135,4 @@ def test_importing_bussim_is_cheap() -> None:
         check=True,
     )
     loaded = {name.partition(".")[0] for name in done.stdout.split()}
-    assert not loaded & {"numpy", "pandas", "matplotlib", "pydantic", "ruamel", "rich", "click", "simpy"}
+    assert not loaded & {"numpy", "pandas", "matplotlib", "pydantic", "yaml", "rich", "click", "simpy"}

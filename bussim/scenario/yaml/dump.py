@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import io
 from typing import TYPE_CHECKING
 
 from bussim.errors import UsageError
 from bussim.scenario.model import Scenario
+from bussim.scenario.yaml.parser import core_scalar
 from bussim.units import format_time
 
 if TYPE_CHECKING:
-    from ruamel.yaml.nodes import ScalarNode
-    from ruamel.yaml.representer import SafeRepresenter
+    from yaml import SafeDumper, ScalarNode
 
 
 def dumps(scenario: Scenario) -> str:
@@ -21,11 +20,10 @@ def dumps(scenario: Scenario) -> str:
     where ``dataclasses.replace`` changed them after loading. Raises UsageError for a scenario that
     no loader made, which has no form to be written in.
     """
-    from ruamel.yaml import YAML
-    from ruamel.yaml.representer import SafeRepresenter
+    import yaml
 
-    class Representer(SafeRepresenter):
-        """A class of its own: what it learns is not for other users of ruamel."""
+    class Dumper(yaml.SafeDumper):
+        """A class of its own: what it learns is not for other users of the library."""
 
     if not scenario.source:
         raise UsageError(
@@ -37,22 +35,17 @@ def dumps(scenario: Scenario) -> str:
         "duration": format_time(scenario.duration),
         "seed": scenario.seed,
     }
-    # ruamel leaves no choice between block and flow style but by depth: one line an entry of a list.
-    yaml = YAML(typ="safe", pure=True)
-    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment] # typed as None by mistake
-    yaml.default_flow_style = None
-    yaml.allow_unicode = True
-    yaml.width = 110
-    Representer.add_representer(str, _text)
-    yaml.Representer = Representer
-    text = io.StringIO()
-    yaml.dump(data, text)
-    return text.getvalue()
+    Dumper.add_representer(str, _text)
+    # The library leaves no choice between block and flow style but by depth: one line an entry of a list.
+    return yaml.dump(
+        data, Dumper=Dumper, default_flow_style=None, sort_keys=False, allow_unicode=True, width=110
+    )
 
 
-def _text(representer: SafeRepresenter, text: str) -> ScalarNode:
+def _text(dumper: SafeDumper, text: str) -> ScalarNode:
     """A text; one of several lines (a program) as a block, unless it has what a block cannot hold."""
     plain = "\n" in text and text.replace("\n", "").replace("\t", "").isprintable()
-    # ruamel writes a text that begins so bare, and cannot read it again within braces.
-    style = "|" if plain else "'" if text.startswith((":", "?")) else None
-    return representer.represent_scalar("tag:yaml.org,2002:str", text, style=style)
+    # Read by YAML 1.2, numbers have more forms than the library knows.
+    bare = not text.startswith((":", "?")) and isinstance(core_scalar(text), str)
+    style = "|" if plain else None if bare else "'"
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ruamel.yaml import YAML
+import yaml
 
 import bussim
 from bussim.errors import ScenarioError
@@ -172,7 +172,7 @@ Keys = tuple[str | int, ...]
 
 @functools.cache
 def _read() -> dict[str, Any]:
-    found: dict[str, Any] = YAML(typ="safe").load(EVERY_KEY)
+    found: dict[str, Any] = yaml.safe_load(EVERY_KEY)
     return found
 
 
