@@ -13,11 +13,13 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import assert_never
 
-from bussim.engines.nn.frames import PARAMETERS_CHARS, POLL_CHARS, data_chars
+from bussim.engines.nn.frames import PARAMETERS_CHARS, POLL_CHARS, data_chars, encode_poll
 from bussim.exact.link import MASTER, TIMEOUT_UNIT, LineNoise, LinkModel, NoiseSource, Station, frame_ticks
 from bussim.exact.scan.turnaround_sums import spread_of
-from bussim.line.characters import NN_LINE
+from bussim.line.characters import NN_LINE, LineTiming
 from bussim.line.protocols import BusProtocol
+from bussim.line.uart import Uart
+from bussim.line.wave import Wave, low_intervals
 from bussim.plc.link_registers import (
     D_MODE,
     D_RETRIES,
@@ -101,6 +103,20 @@ class _Member:
     def ticks(self, characters: int) -> int:
         """Ticks of a frame that it sends."""
         return frame_ticks(characters, replace(NN_LINE, ppm=self.ppm))
+
+
+def _reads(timing: LineTiming, station: int) -> bool:
+    """Whether a receiver with its own rate and format has one of a station's polls as it is sent."""
+    uart = Uart(timing)
+    for counter in range(16):
+        chars, read, ready = encode_poll(station, counter).chars, [], 0
+        wave = Wave([low_intervals(chars, NN_LINE, 0)])
+        while (char := uart.next_character(wave, ready)) is not None:
+            read.append(char.value if char.parity_ok and char.stop_ok else None)
+            ready = char.ready
+        if read[-len(chars) :] == [*chars]:
+            return True
+    return False
 
 
 @dataclass(slots=True)
@@ -214,7 +230,7 @@ class _LinkReader:
                     self.obstacles.append(f"{what}: the tail collides with the next frame")
             case Jabber():
                 self.obstacles.append(f"{what}: a jabbering station collides with every frame")
-            case WrongFormat() if self.bound_end and not master:
+            case WrongFormat(_, timing) if self.bound_end and not (master or _reads(timing, member.number)):
                 member.silent, member.receives = True, False
                 self.notes.append(f"{what}: taken for a station that neither hears nor replies")
             case WrongFormat():

@@ -193,14 +193,16 @@ def refresh_gaps(source: Source, bus: str) -> Table:
     old = source.summary["links"][bus].get("stale_ms", {})
     for pair, (_, cells) in zip(gaps, rows, strict=True) if old else ():
         path = ("links", bus, "stale_ms", pair)
-        cells.append(found(source.summary, *path, decimals=3) if pair in old else Cell(NONE))
+        for key in ("total", "longest"):
+            known = pair in old and old[pair][key] is not None
+            cells.append(found(source.summary, *path, key, decimals=3) if known else Cell(NONE))
     note = (
         "Choose the preset of a heartbeat from the longest, not from the link scan time: "
         "retries do not cover it."
     )
     head = ["from → to", "median", "p99", "longest", "still open at the end"]
     if old:
-        head.append("worked on data from before one of the two was away, in all")
+        head += ["worked on data from before one of the two was away, in all", "at the longest"]
     return Table(f"Refresh gaps on bus {bus} (ms)", head, rows, note)
 
 

@@ -6,7 +6,7 @@ from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol, assert_never
 
-from bussim.results.meters.failures import FailureMeter, Irregulars, LinkMember, note_irregular
+from bussim.results.meters.failures import FailureMeter, Irregular, Irregulars, LinkMember
 from bussim.results.meters.latency import LatencyMeter, LatencySpec
 from bussim.results.meters.link import LinkMeter, LinkRecord
 from bussim.results.meters.ports import PortMeter, PortRecord
@@ -205,7 +205,8 @@ class Collector:
 
     def irregular(self, bus: str, node: str, tick: int, what: str) -> None:
         """Count what a node's driver did."""
-        note_irregular(self._irregular[bus], node, what, tick)
+        found = self._irregular[bus]
+        found[node, what] = Irregular.noted(found.get((node, what)), tick)
 
     def exchanged(self, bus: str, node: str, peer: str, start: int, outcome: records.Outcome) -> None:
         """Count what became of a message or request."""

@@ -188,7 +188,7 @@ def _link(link: Mapping[str, Any], registers: Mapping[str, int]) -> dict[str, Nu
         "undetected_frames": link["undetected_frames"],
         "collisions": link["collisions"],
         "refresh_gap_max_ms": max(gaps, default=None),
-        "stale_max_ms": max(link.get("stale_ms", {}).values(), default=0.0),
+        "stale_max_ms": max((old["total"] for old in link.get("stale_ms", {}).values()), default=0.0),
         "healthy_at_s": link["healthy_at_s"],
     }
 

@@ -274,7 +274,7 @@ class Sink(Protocol):
         """
 
     def irregular(self, bus: str, node: str, tick: int, what: str) -> None:
-        """A node's driver did at ``tick`` what disturbs a bus: one of :data:`IRREGULAR`."""
+        """A node did at ``tick`` what disturbs or shows on a bus: one of :data:`IRREGULAR`."""
 
     def exchanged(self, bus: str, node: str, peer: str, start: int, outcome: Outcome) -> None:
         """What became of a message of ``peer`` at ``node``, or of a request of ``node`` to ``peer``.
@@ -315,7 +315,9 @@ IN_FRAME, AFTER_FRAME, WITHOUT_FRAME = "frame", "after a frame", "no frame"
 #: that ends after its timeout, a frame has a pause of two characters or more inside it, or another rate,
 #: format or clock than its bus.
 JABBER, LATE_REPLY, UNEVEN, OFF_RATE = "jabber", "late reply", "pause", "rate"
-IRREGULAR = (IN_FRAME, AFTER_FRAME, WITHOUT_FRAME, JABBER, LATE_REPLY, UNEVEN, OFF_RATE)
+#: A Modbus master has given up a request whose response ends after that.
+LATE_RESPONSE = "late response"
+IRREGULAR = (IN_FRAME, AFTER_FRAME, WITHOUT_FRAME, JABBER, LATE_REPLY, UNEVEN, OFF_RATE, LATE_RESPONSE)
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+import bussim
 from bussim.exact.from_scenario import from_scenario
 from bussim.exact.link import LinkModel
 from bussim.exact.metrics import figures_of
@@ -240,6 +241,26 @@ def test_a_sizing_takes_a_station_of_a_wrong_format_for_silent() -> None:
     assert [station.name for station in link.dead] == ["one"]
     assert "neither hears nor replies" in link.notes[0]
     assert link.complete.stations == read().stations
+
+
+@pytest.mark.parametrize(
+    ("port", "replies"),
+    [
+        ({"format": "7E2"}, True),
+        ({"format": "7O1"}, False),
+        ({"baud": 19_200}, False),
+    ],
+)
+def test_a_station_that_reads_polls_with_another_format_is_not_sized_as_silent(
+    port: dict[str, Any], replies: bool
+) -> None:
+    """The simulation tells which these are: there they reply."""
+    data = scenario(faults=[{"at": "0 s", "wrong_format": {"station": "one", **port}}], duration="2 s")
+    link = from_scenario(from_data(data), bound_end=True)["link"]
+    assert link.valid != replies
+    assert ("hears depends on the data" in str(link.obstacles)) == replies
+    errors = bussim.run(from_data(data), rows=False).summary["links"]["link"]["station_errors"]
+    assert (errors["1"] == 0) == replies
 
 
 def test_a_station_that_does_not_exist_would_be_as_slow_as_any() -> None:

@@ -79,7 +79,7 @@ class Times:
 
 @dataclass(slots=True)
 class Irregular:
-    """How often a node's driver disturbed a bus in one way, and when for the last time.
+    """How often something came now and then, as a node's driver disturbs a bus, and when for the last time.
 
     What comes less than a second after what was before belongs to the same time: ``since`` when the latest
     began; ``past`` are those before it.
@@ -90,6 +90,18 @@ class Irregular:
     since: int = 0
     past: Times = field(default_factory=Times)
 
+    @classmethod
+    def noted(cls, found: Irregular | None, tick: int) -> Irregular:
+        """What was found so far, if anything, with what came at ``tick``."""
+        if found is None:
+            found = cls(since=tick)
+        elif tick - found.last >= TICKS_PER_SECOND:
+            found.past.add(found.since, found.last)
+            found.since = tick
+        found.number += 1
+        found.last = tick
+        return found
+
     def times(self) -> Times:
         """The times in which it did, the latest included."""
         found = replace(self.past)
@@ -99,18 +111,6 @@ class Irregular:
 
 #: By node and by one of :data:`bussim.trace.records.IRREGULAR`.
 Irregulars = dict[tuple[str, str], Irregular]
-
-
-def note_irregular(irregulars: Irregulars, node: str, what: str, tick: int) -> None:
-    """Count what a node's driver did."""
-    found = irregulars.get((node, what))
-    if found is None:
-        found = irregulars[node, what] = Irregular(since=tick)
-    elif tick - found.last >= TICKS_PER_SECOND:
-        found.past.add(found.since, found.last)
-        found.since = tick
-    found.number += 1
-    found.last = tick
 
 
 @dataclass(slots=True)

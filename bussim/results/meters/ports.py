@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import assert_never
 
 from bussim.results.meters.exchanges import Exchange
+from bussim.results.meters.failures import Irregular
 from bussim.results.meters.histogram import Histogram
 from bussim.results.meters.plain_data import UNKEPT
 from bussim.trace.records import CycleRecord, FreeRecord, Outcome, PollRecord, RunTotals, TransactionRecord
@@ -123,7 +124,8 @@ class PortRecord:
     ``exceptions`` are by exception code (two hexadecimal digits), ``others`` by the text of the port
     error. ``timeout`` is the master's, in ticks, None where it is not known. ``mismatched`` are responses
     to another request that the master has taken, without those that it has refused. ``exchanges``, in the
-    summary alone, are by the node that requests go to, or that messages come from.
+    summary alone, are by the node that requests go to, or that messages come from; ``mistaken`` and
+    ``excepted``, likewise, are when responses to others were taken and when exceptions came.
     """
 
     bus: str
@@ -136,6 +138,8 @@ class PortRecord:
     others: Counter[str] = field(default_factory=Counter)
     mismatched: int = 0
     free: FreeCounts = field(default_factory=FreeCounts)
+    mistaken: Irregular | None = field(default=None, compare=False, metadata=UNKEPT)
+    excepted: Irregular | None = field(default=None, compare=False, metadata=UNKEPT)
     exchanges: dict[str, Exchange] = field(default_factory=dict, compare=False, metadata=UNKEPT)
 
     @property
@@ -155,11 +159,14 @@ class PortRecord:
     def transaction(self, record: TransactionRecord) -> None:
         """Count an attempt."""
         self.poll(record.poll).transaction(record)
-        self.mismatched += record.mismatched and record.outcome in _RESPONSES
+        if record.mismatched and record.outcome in _RESPONSES:
+            self.mismatched += 1
+            self.mistaken = Irregular.noted(self.mistaken, record.end)
         if record.outcome == "ok":
             return
         if record.exception:
             self.exceptions[f"{record.exception:02X}"] += 1
+            self.excepted = Irregular.noted(self.excepted, record.end)
         elif record.error == NO_RESPONSE:
             self.timeouts += 1
         elif record.error == WRONG_CHECK:

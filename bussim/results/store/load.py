@@ -51,6 +51,9 @@ def load_run(folder: Path) -> RunRecord:
         check_summary(summary, "")
     except ValueError as error:
         raise UsageError(f"{folder / SUMMARY} is damaged, run it again: {error}") from error
+    for link in summary["links"].values():
+        for pair, old in link.get("stale_ms", {}).items():  # of an earlier version but the total
+            link["stale_ms"][pair] = old if isinstance(old, dict) else {"total": old, "longest": None}
     histograms = _read_json(folder / HISTOGRAMS)
     _check_schema(folder / HISTOGRAMS, histograms)
     try:

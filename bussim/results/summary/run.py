@@ -146,8 +146,9 @@ def _gaps(pair: Refresh, duration: int) -> dict[str, Any]:
 def _stale(record: LinkRecord, duration: int) -> dict[str, Any]:
     """How long receivers worked on data from before they or their source were away; of others nothing."""
     old = {f"{a}->{b}": pair.stale for (a, b), pair in record.refresh.items() if pair.stale}
-    lasted = {pair: sum((at.end or duration) - at.start for at in spans) for pair, spans in old.items()}
-    return {"stale_ms": {pair: ms(ticks) for pair, ticks in lasted.items()}} if old else {}
+    lasted = {pair: [(at.end or duration) - at.start for at in spans] for pair, spans in old.items()}
+    found = {pair: {"total": ms(sum(each)), "longest": ms(max(each))} for pair, each in lasted.items()}
+    return {"stale_ms": found} if old else {}
 
 
 def _plc(totals: PlcTotals) -> dict[str, Any]:

@@ -75,6 +75,7 @@ def _keys(checks: Mapping[str, Check], **more: Mapping[str, Check]) -> Check:
 _COUNTS, _TEXTS = _by_name(_COUNT), _list(_TEXT)
 _STATISTICS = {"min mean p50 p95 p99 p999 max": _NUMBER}
 _SCANS = {**_STATISTICS, "max_at_s": _NUMBER, "max_cause": _TEXT_OR_NONE}
+_OLD = _keys({"total": _KNOWN, "longest": _NUMBER})
 _LOST = {"from_s for_s": _KNOWN, "stations": _LIST, "scans_missed": _COUNT}
 _LINK = {
     "stations scans polls undetected_frames collisions": _COUNT,
@@ -86,7 +87,8 @@ _LINK = {
     "station_errors station_error_onsets?": _COUNTS,
     "master_lost?": _list(_keys(_LOST)),
     "refresh_gap_ms": _by_name(_keys({"p50 p99 p999 max": _NUMBER, "open": _KNOWN, "count": _COUNT})),
-    "stale_ms?": _by_name(_KNOWN),
+    # Of an earlier version but the total.
+    "stale_ms?": _by_name(lambda value, where: (_OLD if isinstance(value, dict) else _KNOWN)(value, where)),
 }
 _BUS = {
     "baud frames collisions undetected_frames": _COUNT,

@@ -70,8 +70,11 @@ def _show_link(
     _show_registers(console, record, bus)
     _show_refresh(console, link["refresh_gap_ms"])
     if "stale_ms" in link:
-        pair, longest = max(link["stale_ms"].items(), key=lambda item: item[1])
-        _print(console, f"  on old data      {longest:.3f} ms ({pair}): from before one of the two was away")
+        pair, old = max(link["stale_ms"].items(), key=lambda item: float(item[1]["total"]))
+        single = old["longest"] in (None, old["total"])
+        times = "" if single else f" in all, {old['longest']:.3f} ms at the longest"
+        text = f"{old['total']:.3f} ms{times} ({pair}): from before one of the two was away"
+        _print(console, f"  on old data      {text}")
 
 
 def _show_times(console: Console, link: dict[str, Any]) -> None:

@@ -4,7 +4,8 @@ A sentence names its values in braces. Beside the formats of Python it knows ``n
 thousands apart), ``ms`` and ``most_ms`` (milliseconds, see :func:`in_ms`), ``list`` (names), ``counts``
 (words with how often), ``codes`` and ``exceptions`` (counts by code, with what each means), ``meanings``
 (what codes mean), ``cause`` (why a link scan was long), ``when`` (how often, for how long, and when
-longest), ``devices`` (special devices of the link by name) and ``serial`` (a code of D8063).
+longest), ``times`` (of responses, or nothing), ``devices`` (special devices of the link by name) and
+``serial`` (a code of D8063).
 """
 
 from __future__ import annotations
@@ -194,28 +195,22 @@ SENTENCES: Mapping[str, Sentence] = {
     ),
     "serial_error_on": _fault("{plc} shows a serial error: {flag} is on, {error} = {code:serial}."),
     # -- Modbus masters
-    "own_data": Sentence("{node}: requests answered with their own data: all of {requests:n}."),
-    "own_data_times": Sentence(
-        "{node}: requests answered with their own data: all of {requests:n}; the {which} response time is "
-        "{response_ms:ms}, the longest {max_ms:most_ms}."
-    ),
-    "some_own_data": Sentence("{node}: requests answered with their own data: {own:n} of {requests:n}."),
-    "some_own_data_times": Sentence(
-        "{node}: requests answered with their own data: {own:n} of {requests:n}; the {which} response "
-        "time is {response_ms:ms}, the longest {max_ms:most_ms}."
+    "own_data": Sentence("{node}: requests answered with their own data: all of {requests:n}{times:times}."),
+    "some_own_data": Sentence(
+        "{node}: requests answered with their own data: {own:n} of {requests:n}{times:times}."
     ),
     "no_own_data": _fault("{node}: requests answered with their own data: none of {requests:n}."),
     "mistaken": _fault(
-        "{node} took responses to other requests for its own, {responses:n} in all: the values are those of "
-        "other registers, and no error shows it."
+        "{node} took responses to other requests for its own, {responses:n} in all, {when:when}: the values "
+        "are those of other registers, and no error shows it."
     ),
     "late": _fault(
         "{node}: responses that came after its timeout of {timeout_ms:g} ms, when the request had been given "
-        "up: {responses:n}."
+        "up: {responses:n}, {when:when}."
     ),
     "no_response": _fault("{node}: requests without any response: {requests:n} ({polls:list})."),
     "damaged_responses": _fault("{node}: responses that arrived damaged: {reasons:counts}."),
-    "exceptions": _fault("{node}: exception responses: {codes:exceptions}."),
+    "exceptions": _fault("{node}: exception responses, {when:when}: {codes:exceptions}."),
     "requests_repeated": Sentence(
         "{node}: requests that failed and were repeated with success: {requests:n}."
     ),
@@ -237,6 +232,10 @@ SENTENCES: Mapping[str, Sentence] = {
     "request_silent": _fault(_request("{peer} received them whole and sent no reply in time")),
     "request_reply_lost": _fault(_request("{peer} replied, and nothing of that arrived" + _CUT)),
     "request_reply_damaged": _fault(_request("replies of {peer} arrived damaged" + _DAMAGE)),
+    "requests_else": Sentence(
+        "{node}: failed requests to {peer} that each failed in another way than most around them, so that "
+        "their cause is not known: {requests:n}."
+    ),
     # -- free protocol
     "messages": Sentence("{node}: messages sent {sent:n}, received {received:n}."),
     "messages_whole": Sentence("{node}: messages of {peer} received whole: all of {messages:n}."),
@@ -306,8 +305,9 @@ SENTENCES: Mapping[str, Sentence] = {
     "station": Sentence("station {number} ({plc})"),
     "station_number": Sentence("station {number}"),
     "program": Sentence("driven by the program"),
-    "which_median": Sentence("median"),
-    "which_mean": Sentence("mean"),
+    "median_times": Sentence("; the median response time is {p50:ms}, the longest {max:most_ms}"),
+    "mean_times": Sentence("; the mean response time is {mean:ms}, the longest {max:most_ms}"),
+    "times_unknown": Sentence("at times that were not kept"),
 }
 
 #: Sentences of folders of earlier versions, which have their texts.
@@ -386,8 +386,13 @@ class _Text(Formatter):
                 *others, last = value
                 return render("and", lang=self._lang).join([", ".join(others), last] if others else [last])
             case "when":
+                if value is None:  # in a folder of an earlier version
+                    return render("times_unknown", lang=self._lang)
                 key = "several_times" if value["times"] > 1 else "once" if value["for_s"] else "at_once"
                 return render(key, value, self._lang)
+            case "times":
+                which = "" if value["max"] is None else "mean" if value["p50"] is None else "median"
+                return which and render(f"{which}_times", value, self._lang)
             case "part":
                 return render(value, lang=self._lang)
             case "devices":

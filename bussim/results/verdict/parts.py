@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from bussim.results.meters.failures import Irregulars, Times
+from bussim.results.meters.failures import Irregular, Irregulars, Times
 from bussim.results.meters.timeline import Span
 from bussim.results.numbers import s
 from bussim.results.registers import own_name
@@ -49,6 +49,17 @@ def in_all(times: Times) -> dict[str, Any]:
         "from_s": s(times.at),
         "for_s": s(times.longest),
     }
+
+
+def noted(found: Irregular | None) -> dict[str, Any] | None:
+    """The times of what came now and then, as a value of the format ``when``; None where none were kept."""
+    if found is None:
+        return None
+    times = found.times()
+    if not times.total:  # single ones further apart
+        first, last, times = times.first, times.last, Times()
+        times.add(first, last)
+    return in_all(times)
 
 
 def summed(spans: Iterable[Span], duration_s: float) -> Times:
@@ -100,11 +111,7 @@ def driver_findings(bus: str, collisions: int, irregular: Irregulars, *, known: 
                 if what == JABBER:  # its characters go on and on; what counts are the frames that it met
                     met = irregular.get((node, WITHOUT_FRAME))
                     number = met.number if met else 0
-                times = found.times()
-                if not times.total:  # single frames further apart
-                    first, last, times = times.first, times.last, Times()
-                    times.add(first, last)
-                yield key, {"bus": bus, "node": node, "frames": number, "when": in_all(times)}
+                yield key, {"bus": bus, "node": node, "frames": number, "when": noted(found)}
     if collisions and not known:
         senders = sorted(node for node, kind in irregular if kind == IN_FRAME)
         if senders:

@@ -8,8 +8,8 @@ from typing import Any
 from bussim.results.meters.failures import Irregulars
 from bussim.results.meters.ports import PortRecord
 from bussim.results.verdict.catalogue import render
-from bussim.results.verdict.parts import Finding, driver_findings, in_all
-from bussim.trace.records import Outcome
+from bussim.results.verdict.parts import Finding, driver_findings, in_all, noted
+from bussim.trace.records import LATE_RESPONSE, Outcome
 
 #: Frames that a slave ignores because it is busy are the master's doing, and stand there.
 _BUSY = "busy with another request"
@@ -59,17 +59,19 @@ def node_findings(
     record: PortRecord,
     disturbed: Collection[str],
     *,
+    irregular: Irregulars,
     made_good: bool,
 ) -> Iterator[Finding]:
     """Of a port or device: what it got as master, ignored as slave, and sent in the free protocol.
 
-    ``disturbed`` are nodes of which it is said why exchanges with them fail; ``made_good``: no master of its
-    bus has a failed request.
+    ``disturbed`` are nodes of which it is said why exchanges with them fail; ``irregular`` is
+    of its bus; ``made_good``: no master of its bus has a failed request.
     """
     where = {"bus": node["bus"], "node": name}
     if refused is not None:
         yield "port_refused", {**where, "code": refused}
-    found = _master(node, record, disturbed) if node.get("transactions") else iter(())
+    late = noted(irregular.get((name, LATE_RESPONSE)))
+    found = _master(node, record, disturbed, late) if node.get("transactions") else iter(())
     for key, values in (
         *found,
         *(() if made_good else _slave(node)),
@@ -78,7 +80,9 @@ def node_findings(
         yield key, {**where, **values}
 
 
-def _master(node: Mapping[str, Any], record: PortRecord, disturbed: Collection[str]) -> Iterator[Finding]:
+def _master(
+    node: Mapping[str, Any], record: PortRecord, disturbed: Collection[str], when_late: Any
+) -> Iterator[Finding]:
     mistaken, late = node["mismatched_responses"], node.get("late_responses", 0)
     broadcasts = node.get("broadcast_requests", 0)
     requests = node["transactions"] - broadcasts
@@ -88,25 +92,16 @@ def _master(node: Mapping[str, Any], record: PortRecord, disturbed: Collection[s
         return
     # A folder of an earlier version does not have how many were answered with their own data.
     own = node.get("answered_with_own_data", max(0, node["ok"] - mistaken))
-    times = node["response_ms"]
-    values: dict[str, Any] = {"requests": requests}
-    if own < requests:
-        values["own"] = own
-    timed = times["max"] is not None and not node["exceptions"]  # their times are among these
-    if timed:
-        which = "median" if times["p50"] is not None else "mean"
-        shown = times["p50"] if times["p50"] is not None else times["mean"]
-        values |= {"which": render(f"which_{which}"), "response_ms": shown, "max_ms": times["max"]}
-    if not own:
-        yield "no_own_data", {"requests": requests}
-    else:
-        key = "own_data" if own == requests else "some_own_data"
-        yield (f"{key}_times" if timed else key), values
+    times = {key: node["response_ms"][key] for key in ("p50", "mean", "max")}
+    if node["exceptions"]:  # their times are among these
+        times["max"] = None
+    values = {"requests": requests, "own": own, "times": times}
+    yield "no_own_data" if not own else "own_data" if own == requests else "some_own_data", values
     if mistaken:
-        yield "mistaken", {"responses": mistaken}
+        yield "mistaken", {"responses": mistaken, "when": noted(record.mistaken)}
     if late:
-        yield "late", {"responses": late, "timeout_ms": node["timeout_ms"]}
-    yield from _failures(node, late)
+        yield "late", {"responses": late, "timeout_ms": node["timeout_ms"], "when": when_late}
+    yield from _failures(node, record, late)
     if has_failed(node):
         yield from _causes(record, disturbed)
 
@@ -118,9 +113,11 @@ def _causes(record: PortRecord, disturbed: Collection[str]) -> Iterator[Finding]
             if outcome is not Outcome.AWAY and peer not in disturbed:
                 values = {"peer": peer, "requests": each.counts[outcome], "when": in_all(times)}
                 yield f"request_{outcome}", values
+        if each.others and peer not in disturbed:
+            yield "requests_else", {"peer": peer, "requests": each.others}
 
 
-def _failures(node: Mapping[str, Any], late: int) -> Iterator[Finding]:
+def _failures(node: Mapping[str, Any], record: PortRecord, late: int) -> Iterator[Finding]:
     """Failed requests; where each was repeated with success, only how many."""
     polls, failed = node["polls"], node["transactions"] - node["ok"]
     if not has_failed(node):
@@ -141,7 +138,8 @@ def _failures(node: Mapping[str, Any], late: int) -> Iterator[Finding]:
     if reasons:
         yield "damaged_responses", {"responses": sum(reasons.values()), "reasons": reasons}
     if node["exceptions"]:
-        yield "exceptions", {"responses": sum(node["exceptions"].values()), "codes": dict(node["exceptions"])}
+        values = {"responses": sum(node["exceptions"].values()), "codes": dict(node["exceptions"])}
+        yield "exceptions", {**values, "when": noted(record.excepted)}
 
 
 def _slave(node: Mapping[str, Any]) -> Iterator[Finding]:

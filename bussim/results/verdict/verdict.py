@@ -78,7 +78,10 @@ def _findings(summary: Mapping[str, Any], evidence: Evidence) -> Iterator[Findin
     for name, node in nodes.items():
         made_good = not failed.get(node["bus"], True)
         port = evidence.ports.get(name) or PortRecord(node["bus"])
-        yield from node_findings(name, node, evidence.refused.get(name), port, disturbed, made_good=made_good)
+        irregular = evidence.irregular.get(node["bus"], {})
+        yield from node_findings(
+            name, node, evidence.refused.get(name), port, disturbed, irregular=irregular, made_good=made_good
+        )
     for plc in summary["plcs"]:
         if plc not in told:
             yield from serial_errors(plc, summary, evidence.refused, {})

@@ -13,7 +13,7 @@ from bussim.sim.serial.contract import Replies, SerialStation
 from bussim.sim.serial.messages import Messages
 from bussim.sim.wire.contract import LineNode, Reading, Transmission, WireFrame
 from bussim.sim.wire.line import Line
-from bussim.trace.records import Outcome, Sink
+from bussim.trace.records import LATE_RESPONSE, Outcome, Sink
 
 #: Frames that are remembered: a message may come in as many as it has characters.
 _PIECES = 256
@@ -30,7 +30,7 @@ class SerialBus(Line):
         self.waiting: set[SerialStation] = set()
         #: The latest that ended: at most so many characters make a frame, each perhaps sent by itself.
         self.delivered: deque[Transmission] = deque(maxlen=_PIECES)
-        self.replies = Replies()
+        self.replies = Replies(lambda master, tick: sink.irregular(name, master, tick, LATE_RESPONSE))
         self.messages = Messages(self._became)
 
     # -- frames ------------------------------------------------------------------------------------

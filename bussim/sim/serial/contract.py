@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections import Counter, defaultdict, deque
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from typing import NamedTuple
 
 from bussim.engines.free.events import FreeEvent
@@ -35,9 +35,13 @@ class Reply(NamedTuple):
 
 
 class Replies:
-    """The latest replies on one bus, and the requests that were given up before theirs."""
+    """The latest replies on one bus, and the requests that were given up before theirs.
 
-    def __init__(self) -> None:
+    ``tell`` takes the master, and the tick, of each response that is known to come too late.
+    """
+
+    def __init__(self, tell: Callable[[str, int], None]) -> None:
+        self._tell = tell
         self._replies: deque[Reply] = deque(maxlen=_REPLIES)
         self._given_up: dict[int, tuple[str, str]] = {}  # by the request's first edge: its master and poll
         #: Responses that ended after their request had been given up, by master and poll.
@@ -48,8 +52,7 @@ class Replies:
         self._replies.append(reply)
         given_up = self._given_up.pop(reply.asked, None)
         if given_up is not None:
-            master, poll = given_up
-            self.late[master][poll] += 1
+            self._came_late(*given_up, reply.start)
 
     def gave_up(self, master: str, poll: str, asked: int, end: int) -> None:
         """A master's timeout was over at ``end``, before a response to its request of ``asked``."""
@@ -59,7 +62,11 @@ class Replies:
             if len(self._given_up) > _GIVEN_UP:
                 del self._given_up[next(iter(self._given_up))]
         elif begun.end >= end:
-            self.late[master][poll] += 1
+            self._came_late(master, poll, end)
+
+    def _came_late(self, master: str, poll: str, tick: int) -> None:
+        self.late[master][poll] += 1
+        self._tell(master, tick)
 
     def reply_to(self, asked: int) -> Reply | None:
         """The reply to a request, by its first edge."""

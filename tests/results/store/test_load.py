@@ -42,6 +42,13 @@ def test_a_run_reads_back_as_it_was(finished: Path) -> None:
     assert back.links["link"].timeline == there.links["link"].timeline
 
 
+def test_data_age_of_an_earlier_version_is_the_total(folder: Path) -> None:
+    links = json.loads((folder / "summary.json").read_text())["links"]
+    links["link"]["stale_ms"] = {"a->b": 12.5}
+    change(folder / "summary.json", links=links)
+    assert load_run(folder).summary["links"]["link"]["stale_ms"] == {"a->b": {"total": 12.5, "longest": None}}
+
+
 def test_what_is_no_folder(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("x")
     (tmp_path / "killed.incomplete").mkdir()

@@ -58,6 +58,7 @@ _VALUES: Mapping[str, Any] = {
     "part": "in_stop",
     "d": 7348,
     "when": {"times": 2, "first_s": 1.25, "last_s": 9.5, "total_s": 3.5, "from_s": 1.25, "for_s": 2.0},
+    "times": {"p50": 20.25, "mean": 21.5, "max": 30.75},
     "devices": {"D8203": 2, "D8211": 0x14, "M8183": 1},
     "serial": 7309,
     "g": 20,
@@ -95,8 +96,8 @@ def test_codes_are_said_in_words() -> None:
         "no response in time",
         "the port board",
     ]
-    assert render("exceptions", {"node": "a.COM3", "codes": {"02": 1200}}).endswith(
-        ": 02 1,200× (illegal address)."
+    assert render("exceptions", {"node": "a.COM3", "codes": {"02": 1200}, "when": None}).endswith(
+        "at times that were not kept: 02 1,200× (illegal address)."
     )
 
 

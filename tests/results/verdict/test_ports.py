@@ -127,7 +127,34 @@ def test_as_many_requests_are_given_a_cause_as_failed_in_its_times(seed: int, tm
             2.9 < when["first_s"] <= when["from_s"] < when["from_s"] + when["for_s"] <= when["last_s"] + 1e-6
         )
         assert when["last_s"] < 9
-    assert sum(item["requests"] for item in told) <= len(failed)
+    # What failed in another way than most around it has no cause, and is counted.
+    rest = [item["values"] for item in summary["verdict"] if item["key"] == "requests_else"]
+    assert sum(item["requests"] for item in (*told, *rest)) == len(failed)
+
+
+@pytest.mark.parametrize("interval", ["5 ms", "300 ms"], ids=["mistaken", "late"])
+def test_wrong_late_and_exception_responses_have_their_times(interval: str, tmp_path: Path) -> None:
+    """A drive that is slow for four seconds, and lacks the registers of a poll from first to last."""
+    bus = modbus(random.Random(5), timeout="40 ms", interval=interval)
+    bus["plcs"][0]["polls"].append({**bus["plcs"][0]["polls"][0], "name": "wrong", "address": 0x1000})
+    bus["faults"] = [{"at": "3 s", "for": "4 s", "slow": {"station": "drive", "extra": "60 ms"}}]
+    summary, trace = traced(bus, tmp_path)
+    said = {item["key"]: item["values"] for item in faults(summary["verdict"])}
+    made = [line for line in trace if line["type"] == "transaction"]
+    ticks = {
+        "exceptions": [each["end"] for each in made if each["exception"]],
+        "mistaken": [
+            each["end"] for each in made if each["mismatched"] and (each["exception"] or not each["error"])
+        ],
+        "late": [each["end"] for each in made if each["sent"] / TICKS > 3 and each["error"] == 9],
+    }
+    assert bool(ticks["mistaken"]) == (interval == "5 ms") == ("mistaken" in said)
+    for key, at in ticks.items():
+        if at:
+            when = said[key]["when"]
+            precision = 1e-6 if key != "late" else 0.1  # known a reply later
+            assert when["first_s"] == pytest.approx(at[0] / TICKS, abs=precision)
+            assert when["last_s"] == pytest.approx(at[-1] / TICKS, abs=precision)
 
 
 @pytest.mark.parametrize("delay", [16_500, 17_500, 30_500])

@@ -27,7 +27,7 @@ OF_A_NODE = {
     "other_rate": ("wrong_format", "clock_ppm"),
     "late_replies": ("slow",),
 }
-HEALTHY = ("no_station_in_error", "own_data", "own_data_times")
+HEALTHY = ("no_station_in_error", "own_data")
 
 
 def _seeds(number: int, fast: int) -> list[Any]:

@@ -73,7 +73,7 @@ def test_the_one_thing_that_is_wrong_is_named(make: Callable[[random.Random], Ca
 def test_where_nothing_is_wrong_nothing_is_named(seed: int, tmp_path: Path) -> None:
     result = run(healthy(seed), tmp_path)
     assert faults(items(result)) == []
-    well = ("no_station_in_error", "own_data_times", "messages_whole")
+    well = ("no_station_in_error", "own_data", "messages_whole")
     assert any(item["key"] in well for item in items(result))
 
 
