@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import re
 from dataclasses import replace
@@ -11,7 +12,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rich.console import Console
 
+from bussim.commands.size.show import show_sizing
 from bussim.exact.link import TIMEOUT_UNIT, LinkModel
 from bussim.exact.scan.outages import clean_scan
 from bussim.exact.sizing.choice import recommend
@@ -21,6 +24,7 @@ from bussim.exact.sizing.grid import evaluate
 from bussim.exact.sizing.noise_levels import scaled_noise
 from bussim.exact.sizing.size import size
 from bussim.exact.sizing.unmet_goals import (
+    NO_HELP,
     Unmet,
     conflicts,
     helpful_changes,
@@ -29,7 +33,7 @@ from bussim.exact.sizing.unmet_goals import (
 )
 from bussim.exact.solve import Solved
 from bussim.plc.profiles import attempts_per_poll
-from tests.exact.links import MS, link
+from tests.exact.links import MS, link, with_burst
 from tests.exact.sizing.draws import goal_texts, goals_of, links, with_rate
 from tests.selection import quick
 
@@ -267,6 +271,31 @@ def test_goals_are_kept_conflicts_minimal_and_changes_tried(
 @given(model=links(), texts=goal_texts())
 def test_goals_conflicts_and_changes_of_many_links(model: LinkModel, texts: list[str], ber: float) -> None:
     advice_holds(with_rate((model, "bus", None), ber), texts)
+
+
+def test_that_no_three_changes_help_is_said() -> None:
+    """Four goals that no line meets, each by itself."""
+    model = link(1, mode=0)
+    goals = goals_of(["dead<=1ms", "scan<=1ms@1e-6", "heartbeat=10ms@1/y", "ride>=100s"])
+    for name, text in goals.forms().items():
+        assert (recommend(model, goals_of([text])) is None) == (name != "errors")
+    sizing = size(model, goals)
+    assert [unmet.goals for unmet in sizing.unmet] == [("scan",), ("dead",), ("ride",), ("heartbeat",)]
+    assert {unmet.helps for unmet in sizing.unmet} == {()}
+    printed = io.StringIO()
+    show_sizing(Console(file=printed, width=300), "link", sizing, ())
+    assert f"    {NO_HELP}\n" in printed.getvalue()
+
+
+@pytest.mark.slow
+def test_in_bursts_a_longer_timeout_might_do_with_a_little_less() -> None:
+    """A remedy of scan time holds as printed; it is the least of the shortest timeouts alone."""
+    model, texts = with_burst(link(1, mode=0), 60_000, 20, 0.0, 1e-3), ["errors<=1000/d", "ride>=0"]
+    (found,) = helpful_changes(model, goals_of([*texts, "scan<=5ms@1e-06"]))
+    assert found.text.endswith("; with bursts a little less might do with a longer timeout)")
+    moved = found.text.split(" instead of ")[0]
+    assert recommend(model, goals_of([*texts, moved])) is not None
+    assert recommend(model, goals_of([*texts, "scan<=10ms@1e-06"])) is None
 
 
 @pytest.mark.slow

@@ -99,6 +99,21 @@ def test_a_little_noise_is_not_called_healthy_where_a_station_shows_it(tmp_path:
     assert not [item for item in items(result) if item["key"] == "no_station_in_error"]
 
 
+def test_a_receiver_that_fails_in_two_ways_by_turns_is_noisy(tmp_path: Path) -> None:
+    """Of its failures some come with a data frame of the master, some without: one sentence, of them all."""
+    line = link(random.Random(4), duration="10 s")
+    line["plcs"] = line["plcs"][:3]
+    line["plcs"][0]["nn"] |= {"slaves": 2, "mode": 0, "retries": 0, "timeout": "50 ms"}
+    line["noise"] = [{"bus": "link", "station": "plc1", "direction": "rx", "ber": 4e-3}]
+    result = run(line, tmp_path)
+    said = {item["key"]: item for item in faults(items(result))}
+    assert said["cause_noisy"]["values"]["station"] == "station 1 (plc1)"
+    onsets = result.summary["links"]["link"]["station_error_onsets"]
+    assert said["cause_noisy"]["values"]["when"]["times"] == onsets["1"] > 4
+    assert {key for key in said if key.startswith("cause")} == {"cause_noisy"}
+    assert "received frames of the master now whole, now damaged" in said["cause_noisy"]["text"]
+
+
 @pytest.mark.slow
 def test_each_outage_has_its_own_cause(tmp_path: Path) -> None:
     """A jabbering station does not hide that another one had no supply, nor that its replies were lost."""
