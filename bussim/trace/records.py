@@ -299,13 +299,14 @@ class Outcome(StrEnum):
     WRONG = "wrong"
     NOT_READY = "not_ready"
     # Of requests: no such station; received damaged, or undamaged as a part of another frame; received, and
-    # no reply; a reply that did not arrive, or arrived damaged.
+    # no reply; a reply that did not arrive, or arrived damaged; failed in a way that does not tell.
     MISSING = "missing"
     GARBLED = "garbled"
     JOINED = "joined"
     SILENT = "silent"
     REPLY_LOST = "reply_lost"
     REPLY_DAMAGED = "reply_damaged"
+    UNKNOWN = "unknown"
 
 
 #: What a driver does that is on while another node's frame begins: it sends a frame, it was not released

@@ -232,9 +232,9 @@ SENTENCES: Mapping[str, Sentence] = {
     "request_silent": _fault(_request("{peer} received them whole and sent no reply in time")),
     "request_reply_lost": _fault(_request("{peer} replied, and nothing of that arrived" + _CUT)),
     "request_reply_damaged": _fault(_request("replies of {peer} arrived damaged" + _DAMAGE)),
-    "requests_else": Sentence(
-        "{node}: failed requests to {peer} that each failed in another way than most around them, so that "
-        "their cause is not known: {requests:n}."
+    "request_unknown": Sentence(
+        "{node}: failed requests to {peer} whose cause is not known, as they failed in another way than most "
+        "around them, or met a response to another request: {requests:n}."
     ),
     # -- free protocol
     "messages": Sentence("{node}: messages sent {sent:n}, received {received:n}."),

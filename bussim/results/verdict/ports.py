@@ -113,8 +113,8 @@ def _causes(record: PortRecord, disturbed: Collection[str]) -> Iterator[Finding]
             if outcome is not Outcome.AWAY and peer not in disturbed:
                 values = {"peer": peer, "requests": each.counts[outcome], "when": in_all(times)}
                 yield f"request_{outcome}", values
-        if each.others and peer not in disturbed:
-            yield "requests_else", {"peer": peer, "requests": each.others}
+        if (unknown := each.counts[Outcome.UNKNOWN]) and peer not in disturbed:
+            yield "request_unknown", {"peer": peer, "requests": unknown}
 
 
 def _failures(node: Mapping[str, Any], record: PortRecord, late: int) -> Iterator[Finding]:

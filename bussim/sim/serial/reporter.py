@@ -142,12 +142,15 @@ class SerialReporter(Notes):
                 chars=(node.request_chars if event.sent is not None else 0) + (reply.chars if reply else 0),
             )
         )
-        if event.sent is not None and event.station != BROADCAST and not mismatched:
+        taken_for_own = mismatched and outcome in ("ok", "exception")
+        if event.sent is not None and event.station != BROADCAST and not taken_for_own:
             peer, became = _request_outcome(node, event)
+            if mismatched:  # what its own response would have been is not known
+                became = Outcome.UNKNOWN
             self._sink.exchanged(node.line.name, node.name, peer, event.sent, became)
         if event.error is PortError.TIMEOUT and event.sent is not None:
             node.replies.gave_up(node.name, poll, event.sent, event.end)
-        if mismatched and outcome in ("ok", "exception"):
+        if taken_for_own:
             text = f"took the response to an earlier request for that of station {event.station}"
             self.note(event.end, "mismatched", node.name, text, station=event.station)
 

@@ -128,7 +128,7 @@ def test_as_many_requests_are_given_a_cause_as_failed_in_its_times(seed: int, tm
         )
         assert when["last_s"] < 9
     # What failed in another way than most around it has no cause, and is counted.
-    rest = [item["values"] for item in summary["verdict"] if item["key"] == "requests_else"]
+    rest = [item["values"] for item in summary["verdict"] if item["key"] == "request_unknown"]
     assert sum(item["requests"] for item in (*told, *rest)) == len(failed)
 
 
