@@ -124,7 +124,9 @@ def test_what_check_says() -> None:
     linked = linked.replace("inputs: {", "registers: {D8176: 1}\n    inputs: {")
     assert "RS drives COM3, which the link has: it does nothing" in messages(linked)
     # Without an RS its devices do nothing.
-    assert "M8123 is for RS, which no program of the PLC has" in messages(TEXT.replace("RS D200 K4 D500 K6", "NOP"))
+    assert "M8123 is for RS, which no program of the PLC has" in messages(
+        TEXT.replace("RS D200 K4 D500 K6", "NOP")
+    )
 
 
 def test_the_second_of_two_is_refused_and_counted() -> None:

@@ -157,7 +157,9 @@ def _check_ports(member: Member, report: Report) -> None:
         port = _port(at, member)
         if lacks and at.name in ("RS2", "CPAVL") and at.name not in reported:
             reported.add(at.name)
-            have = f"a PW10 has {at.name} from firmware {first[0]}, {first[1]} on (D8001, D8101)"
+            have = (
+                f"a PW10 has {at.name} for COM2–COM6 from firmware {first[0]}, {first[1]} on (D8001, D8101)"
+            )
             lacking = f"profile {member.profile.name} with {d8001}, {d8101} lacks it"
             _warn_at(member, at, f"{have}; {lacking}: it is simulated as if it were there", report)
         does = f"sets {port} up" if at.spec.name == "CPAVL" else f"drives {port}"

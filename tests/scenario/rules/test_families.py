@@ -44,7 +44,7 @@ def test_cpavl_and_rs2_are_a_pw10s(tmp_path: Path, profile: str, lacks: str) -> 
         each.message for each in examine(path).warnings if "have" in each.message or "lacks" in each.message
     ]
     assert found == [
-        f"p: a PW10 has {name} from firmware 25010, 16003 on (D8001, D8101); profile {lacks} lacks it: "
+        f"p: a PW10 has {name} for COM2–COM6 from firmware 25010, 16003 on (D8001, D8101); profile {lacks} lacks it: "
         "it is simulated as if it were there"
         for name in ("CPAVL", "RS2")
         if lacks
