@@ -33,11 +33,12 @@ COMMANDS = {
     "inject": "Let a fault begin in a scenario that is being served.",
     "sniff": "Listen to a line, or read a recording of one.",
     "fit": "Estimate a scenario from a recording.",
+    "site": "Find causes and noise in registers read on site.",
     "guide": "Show the manual in the terminal.",
 }
 
 #: Commands that are a folder of modules.
-_FOLDERS = frozenset({"exact", "fit", "poll", "size", "sniff"})
+_FOLDERS = frozenset({"exact", "fit", "poll", "site", "size", "sniff"})
 
 #: Exit codes: a failed run, bad input; interrupted from the keyboard, terminated by the system.
 FAILED, BAD_INPUT, INTERRUPTED, TERMINATED = 1, 2, 130, 143

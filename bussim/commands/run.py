@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bussim.commands.common.output import print_json, show_carried
+from bussim.commands.common.output import checked_target, print_json, show_carried, write_text
 from bussim.commands.common.scenario_options import code_option, set_option, unsimulated_option, values_of
+from bussim.errors import UsageError
 
 if TYPE_CHECKING:
     from bussim.api import Result
@@ -29,7 +30,9 @@ if TYPE_CHECKING:
 @click.option(
     "--format", "fmt", type=click.Choice(["csv", "parquet"]), default="csv", help="Format of the tables."
 )
-@click.option("--force", is_flag=True, help="Replace the folder of an earlier run.")
+@click.option("--force", is_flag=True, help="Replace the folder, or the readout, of an earlier run.")
+@click.option("--readout", metavar="FILE", help="Also write what could be read on site at the end.")
+@click.option("--as-seen", is_flag=True, help="With --readout: only what a technician would note.")
 @unsimulated_option
 @code_option
 def command(
@@ -45,6 +48,8 @@ def command(
     as_json: bool,
     fmt: str,
     force: bool,
+    readout: str | None,
+    as_seen: bool,
     allow_code: bool,
     allow_unsimulated: bool,
 ) -> None:
@@ -62,6 +67,9 @@ def command(
     values = values_of(overrides, allow_unsimulated=allow_unsimulated, duration=duration, seed=seed)
     loaded = loader.load(source, values, allow_code=allow_code)
     show_carried(loaded, err=as_json)
+    if as_seen and readout is None:
+        raise UsageError("--as-seen says what to write: name a file with --readout")
+    paper = None if readout is None else checked_target(Path(readout), (), force=force, option="--readout")
     target = Path("runs") / file_name(Path(source).stem) if out is None else Path(out)
     try:
         with simulating_bar() as progress:
@@ -81,6 +89,12 @@ def command(
         print_json(result.summary)
     else:
         _show(result)
+    if paper is not None and result.totals is not None:
+        from bussim.scenario.yaml.dump import dumped
+        from bussim.site.writing import readout_data
+
+        write_text(paper, dumped(readout_data(loaded, result.totals, as_seen=as_seen)))
+        click.echo(f"readout: {paper}", err=as_json)
     # Last, as pictures take longer than the numbers.
     for picture in [] if no_plots else result.save_plots():
         if not as_json:

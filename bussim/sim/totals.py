@@ -25,6 +25,7 @@ def plc_totals(plc: Plc) -> PlcTotals:
         scans=cycle.count,
         scan_mean=cycle.total / cycle.count if cycle.count else None,
         scan_max=cycle.longest if cycle.count else None,
+        state=plc.state.value,
     )
 
 

@@ -410,6 +410,7 @@ class PlcTotals:
     scan_max: int | None  # ticks
     own_names: dict[str, str] = field(default_factory=dict)  # where a family has its own
     set_under: str = "M8002"  # the contact under which its program sets the link
+    state: str = "run"  # "off", "stop" or "run"
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from bussim.errors import UsageError
@@ -20,21 +21,21 @@ def dumps(scenario: Scenario) -> str:
     where ``dataclasses.replace`` changed them after loading. Raises UsageError for a scenario that
     no loader made, which has no form to be written in.
     """
+    if not scenario.source:
+        raise UsageError(
+            f"scenario {scenario.name!r} was not loaded; make it with from_data to write it as YAML"
+        )
+    changed = {"name": scenario.name, "duration": format_time(scenario.duration), "seed": scenario.seed}
+    return dumped({**scenario.source, **changed})
+
+
+def dumped(data: Mapping[str, object]) -> str:
+    """Plain data as YAML; the same text for the same data, in the order of their keys."""
     import yaml
 
     class Dumper(yaml.SafeDumper):
         """A class of its own: what it learns is not for other users of the library."""
 
-    if not scenario.source:
-        raise UsageError(
-            f"scenario {scenario.name!r} was not loaded; make it with from_data to write it as YAML"
-        )
-    data = {
-        **scenario.source,
-        "name": scenario.name,
-        "duration": format_time(scenario.duration),
-        "seed": scenario.seed,
-    }
     Dumper.add_representer(str, _text)
     # The library leaves no choice between block and flow style but by depth: one line an entry of a list.
     return yaml.dump(

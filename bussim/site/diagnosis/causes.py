@@ -1,0 +1,165 @@
+"""The causes that a diagnosis tells apart, and how their evidence is added up."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+
+class Cause(StrEnum):
+    """What may be wrong."""
+
+    STATION_OFF = "station_off"
+    CABLE_CUT = "cable_cut"
+    WRONG_FORMAT = "wrong_format"
+    NUMBER_TWICE = "number_twice"
+    TWO_MASTERS = "two_masters"
+    SLOW_REPLY = "slow_reply"
+    NOISE_RECEIVER = "noise_receiver"
+    NOISE_RECEIVERS = "noise_receivers"
+    NOISE_WIRE = "noise_wire"
+    NOISE_BURSTS = "noise_bursts"
+    NOISE_SENDER = "noise_sender"
+    REPLIES_LOST = "replies_lost"
+    WAS_AWAY = "was_away"
+    MASTER_AWAY = "master_away"
+    HEALTHY = "healthy"
+
+
+#: What each is, in words; ``{at}`` is the station.
+MEANINGS = {
+    Cause.STATION_OFF: "{at} is off or in STOP",
+    Cause.CABLE_CUT: "the cable is interrupted before {at}",
+    Cause.WRONG_FORMAT: "{at} has another character format or rate",
+    Cause.NUMBER_TWICE: "the station number of {at} is there twice",
+    Cause.TWO_MASTERS: "{at} is a second master",
+    Cause.SLOW_REPLY: "{at} replies later than the timeout allows",
+    Cause.NOISE_RECEIVER: "noise in the receiver of {at}",
+    Cause.NOISE_RECEIVERS: "noise in each receiver by itself (terminators, bias, earth)",
+    Cause.NOISE_WIRE: "noise on the wire, for all alike",
+    Cause.NOISE_BURSTS: "noise on the wire that comes in bursts",
+    Cause.NOISE_SENDER: "what {at} sends is damaged",
+    Cause.REPLIES_LOST: "{at} leaves polls without a reply",
+    Cause.WAS_AWAY: "{at} was away for a while",
+    Cause.MASTER_AWAY: "the master is or was away",
+    Cause.HEALTHY: "nothing but what every start leaves",
+}
+#: Causes that these readings hardly tell apart.
+_GROUPS = {
+    Cause.NOISE_WIRE: "wire or bursts",
+    Cause.NOISE_BURSTS: "wire or bursts",
+    Cause.NOISE_SENDER: "sender or lost replies",
+    Cause.REPLIES_LOST: "sender or lost replies",
+}
+_NUMBERS = "read D8176 in every cabinet, and D8173, which is in force"
+#: What tells the causes of a pair from each other.
+_SEPARATES = {
+    frozenset((Cause.NOISE_WIRE, Cause.NOISE_BURSTS)): (
+        "count with the ladder: rises to its third threshold tell bursts from steady noise"
+    ),
+    frozenset((Cause.NOISE_SENDER, Cause.REPLIES_LOST)): (
+        "look at that station's code (D8211 + k) several times: 04 is damage, 01 no reply; or count with the "
+        "ladder, whose second threshold only silence reaches"
+    ),
+    frozenset((Cause.WAS_AWAY, Cause.HEALTHY)): (
+        "read all stations again after 10 minutes: a late power-up adds no more counts"
+    ),
+    frozenset((Cause.CABLE_CUT, Cause.WRONG_FORMAT)): (
+        "look at the RD lamp of that station: dark beyond a cut, flickering with a wrong format"
+    ),
+    frozenset((Cause.CABLE_CUT, Cause.STATION_OFF)): (
+        "look at the RUN and RD lamps of the stations that do not reply"
+    ),
+    frozenset((Cause.NOISE_WIRE, Cause.NOISE_RECEIVERS)): (
+        "compare D8203 of all slaves after some hours: equal counts are on the wire"
+    ),
+    frozenset((Cause.NUMBER_TWICE, Cause.SLOW_REPLY)): _NUMBERS,
+    frozenset((Cause.NUMBER_TWICE, Cause.TWO_MASTERS)): _NUMBERS,
+}
+_NOISE = (
+    Cause.NOISE_WIRE,
+    Cause.NOISE_BURSTS,
+    Cause.NOISE_RECEIVER,
+    Cause.NOISE_RECEIVERS,
+    Cause.NOISE_SENDER,
+)
+#: With which causes a symptom goes.
+_SYMPTOMS = {
+    "when_drive_runs": _NOISE,
+    "after_power_cycle_gone": (Cause.STATION_OFF, Cause.WAS_AWAY, Cause.MASTER_AWAY),
+    "since_start": (Cause.WRONG_FORMAT, Cause.NUMBER_TWICE, Cause.TWO_MASTERS, Cause.SLOW_REPLY),
+    "every_few_days": (Cause.NOISE_BURSTS, Cause.WAS_AWAY, Cause.MASTER_AWAY),
+}
+#: Causes this close to each other are not told apart.
+CLOSE = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One cause at one station (None: the link as a whole), its points and its evidence."""
+
+    cause: Cause
+    station: int | None
+    score: float
+    evidence: tuple[str, ...]
+
+    @property
+    def group(self) -> str:
+        """The causes that it is hardly told from, by a name."""
+        return _GROUPS.get(self.cause, self.cause.value.replace("_", " "))
+
+    def to_json(self) -> dict[str, Any]:
+        """The finding as plain data."""
+        return {
+            "cause": self.cause.value,
+            "station": self.station,
+            "group": self.group,
+            "score": round(self.score, 1),
+            "evidence": list(self.evidence),
+        }
+
+
+@dataclass(slots=True)
+class Tally:
+    """Points for and against causes, each with the sentence that says why."""
+
+    points: dict[tuple[Cause, int | None], list[tuple[float, str]]] = field(
+        default_factory=lambda: defaultdict(list)
+    )
+
+    def add(self, cause: Cause, station: int | None, points: float, why: str) -> None:
+        """Points for a cause, below 0 against it."""
+        self.points[cause, station].append((points, why))
+
+    def score(self, cause: Cause, station: int | None = None) -> float:
+        """The points of a cause so far."""
+        return sum(points for points, _ in self.points.get((cause, station), ()))
+
+    def findings(self, symptoms: frozenset[str]) -> list[Finding]:
+        """The best finding of each cause with any points, the first first."""
+        for symptom in sorted(symptoms):
+            for key in self.points:
+                if key[0] in _SYMPTOMS[symptom]:
+                    self.points[key].append((1.0, f"it goes with the symptom {symptom}"))
+        found = [
+            Finding(cause, station, sum(points for points, _ in given), tuple(why for _, why in given))
+            for (cause, station), given in self.points.items()
+        ]
+        found.sort(key=lambda one: (-one.score, one.cause, -1 if one.station is None else one.station))
+        best: dict[Cause, Finding] = {}
+        for one in found:
+            if one.score > 0:
+                best.setdefault(one.cause, one)
+        return list(best.values())
+
+
+def separating(one: Finding, two: Finding) -> str:
+    """The reading that tells two findings apart."""
+    pair = frozenset((one.cause, two.cause))
+    if Cause.HEALTHY in pair:
+        return _SEPARATES.get(pair, "let counts come: bussim site --plan says how long with which reading")
+    return _SEPARATES.get(
+        pair, "read all stations again after 10 minutes and give both readings (before, after)"
+    )

@@ -1,0 +1,193 @@
+"""Rules about stations: off, cut off, misconfigured, slow, away; each leaves a sentence with its numbers."""
+
+from __future__ import annotations
+
+from bussim.engines.nn import codes
+from bussim.site.diagnosis.causes import Cause, Tally
+from bussim.site.diagnosis.witness import START, Witness
+from bussim.site.readout import COUNT, FLAG, own_entries
+
+_MASTERS_CODES = (codes.NO_REPLY, codes.WRONG_STATION, codes.WRONG_COUNTER)
+_ELSEWHERE = (codes.WRONG_STATION, codes.WRONG_COUNTER, codes.HEARD_WRONG_STATION, codes.HEARD_WRONG_COUNTER)
+#: A late reply fails in so many of the scans at least; noise fails rarely beside it.
+_OFTEN = 0.3
+
+
+def station_rules(w: Witness, tally: Tally) -> None:
+    """All of these rules, settings first."""
+    for number in range(8):
+        same = [station.place for station in w.readout.stations if station.number == number]
+        if len(same) > 1:
+            cause = Cause.NUMBER_TWICE if number else Cause.TWO_MASTERS
+            tally.add(cause, number, 12, f"D8176 or D8173 is {number} at {' and at '.join(same)}")
+    _masters(w, tally)
+    _numbers(w, tally)
+    for k in w.numbers:
+        _off(w, tally, k)
+        _late_replies(w, tally, k)
+    _deaf(w, tally)
+    _slow_scans(w, tally)
+    _away(w, tally)
+    _master_away(w, tally)
+
+
+def _masters(w: Witness, tally: Tally) -> None:
+    """A second master keeps a master's codes, and the slaves understand neither."""
+    for station in w.heard:
+        own, at = [k for k in w.numbers if station.code(k) in _MASTERS_CODES], station.supposed
+        counted = [k for k in w.numbers if (station.count(k) or 0) > START]
+        if own:
+            given = f"code {station.code(own[0]):02X} about station {own[0]}"
+            tally.add(Cause.TWO_MASTERS, at, 8, f"{station.label} keeps {given}, which only a master gives")
+        elif own_entries(station) and station.value(f"D{COUNT}") == 0 and len(counted) > 1:
+            why = f"{station.label} counts about slaves, itself included ({own_entries(station)[0]}), "
+            tally.add(Cause.TWO_MASTERS, at, 5, f"{why}and nothing about the master")
+        else:
+            continue
+        others = [other for other in w.heard if other is not station]
+        if others and all(
+            w.deaf(s) or s.code(0) in (codes.MASTER_SILENT, codes.MASTER_DAMAGED) for s in others
+        ):
+            why = f"no other slave understands a master: {', '.join(s.place for s in others)}"
+            tally.add(Cause.TWO_MASTERS, at, 3, why)
+
+
+def _numbers(w: Witness, tally: Tally) -> None:
+    """Two stations with one number do not count about it."""
+    for station in w.heard:
+        entries = own_entries(station)
+        if not entries or tally.score(Cause.TWO_MASTERS, station.supposed):
+            continue
+        told = {k: max(w.by_slaves(k).values(), default=0) for k in w.numbers if not station.count(k)}
+        k = max(told, key=lambda one: told[one], default=station.supposed)
+        why = f"{station.label} counts about its own number ({entries[0]}), so it has another one"
+        tally.add(Cause.NUMBER_TWICE, k, 11, why)
+        if k in told and told[k] > START:
+            why = f"{station.place} counts nothing about station {k}, others up to {told[k]}"
+            tally.add(Cause.NUMBER_TWICE, k, 3, why)
+
+
+def _off(w: Witness, tally: Tally, k: int) -> None:
+    """A slave that is off or in STOP is silent for all."""
+    named = w.readout.at(k)
+    if named is not None and w.halted(named):
+        tally.add(Cause.STATION_OFF, k, 8, f"{named.place} was found in the state {named.state}")
+    if w.master is None or not w.master.flag(k) or w.master.code(k) != codes.NO_REPLY:
+        return
+    others = [other for j in w.by_slaves(k) if (other := w.readout.at(j)) is not None]
+    agree = [other for other in others if other.flag(k) and other.code(k) == codes.NOT_IN_NETWORK]
+    why = f"M{FLAG + k} is on with code 01 at the master, with 21 at {len(agree)} of {len(others)} slaves"
+    tally.add(Cause.STATION_OFF, k, 2 if len(agree) == len(others) else 0.5, why)
+    if named is not None and named.state == "run":
+        lamp = named.rd == "flickers"
+        why = f"but {named.place} is in RUN{' and its RD lamp flickers' if lamp else ''}"
+        tally.add(Cause.STATION_OFF, k, -5 if lamp else -3, why)
+
+
+def _deaf(w: Witness, tally: Tally) -> None:
+    """Who hears nothing: a tail of the cable is cut off, one alone has a wrong format."""
+    readout, order, master = w.readout, w.readout.order, w.readout.at(0)
+    found = {s.place: w.deaf(s) for s in readout.slaves if s.supposed > 0 and w.deaf(s)}
+    if not found or (len(found) == len(readout.slaves) and (w.master is None or w.halted(w.master))):
+        return
+    number = {station.place: station.supposed for station in readout.stations}
+    lamps = {station.place: station.rd for station in readout.stations}
+    dark, flickers = ([place for place in found if lamps[place] == lamp] for lamp in ("dark", "flickers"))
+    away = {*found, *(s.place for s in readout.stations if w.halted(s))}
+    here = order.index(master.place) if master is not None else 0
+    ends = [(order[at], order[at:]) for at in range(here + 1, len(order))]
+    ends += [(order[at - 1], order[:at]) for at in range(1, here + 1)]
+    for first, beyond in ends:
+        if not {*found} <= {*beyond} <= away:
+            continue
+        at = number.get(first)
+        why = "; ".join(f"{place}: {reason}" for place, reason in found.items())
+        tally.add(
+            Cause.CABLE_CUT, at, 5 + (len(found) > 1), f"all beyond hear nothing, all others do ({why})"
+        )
+        if dark:
+            tally.add(Cause.CABLE_CUT, at, 3, f"the RD lamp is dark at {', '.join(dark)}")
+        if flickers:
+            tally.add(Cause.CABLE_CUT, at, -6, f"but the RD lamp flickers at {', '.join(flickers)}")
+    if len(found) == 1:
+        place, reason = next(iter(found.items()))
+        why = f"{place} alone hears nothing ({reason}); 7E2 for 7E1 would leave no trace"
+        tally.add(Cause.WRONG_FORMAT, number[place], 4, why)
+        if flickers:
+            tally.add(
+                Cause.WRONG_FORMAT, number[place], 4, f"the RD lamp of {place} flickers: signals arrive"
+            )
+        if dark:
+            tally.add(Cause.WRONG_FORMAT, number[place], -4, f"but the RD lamp of {place} is dark")
+
+
+def _late_replies(w: Witness, tally: Tally, k: int) -> None:
+    """A late reply collides with what follows, or is taken for that of another poll."""
+    named = w.readout.at(k)
+    for station in (*w.listeners, *((w.master,) if w.master else ())):
+        if station.code(k) in _ELSEWHERE:
+            why = f"{station.place} has code {station.code(k):02X} about station {k}, a reply to another poll"
+            tally.add(Cause.SLOW_REPLY, k, 5, why)
+            break
+    told = [count for number, count in w.about_master.items() if number != k]
+    if named is None or named not in w.listeners or own_entries(named) or not told or w.master is None:
+        return
+    most = max(w.by_master(k), *w.by_slaves(k).values(), 0)
+    scans = w.readout.watched / max(w.link.healthy, (w.master.value("D8201") or 0) * w.link.model.unit)
+    if w.master.flag(k) and named.value("M8191") and min(told) > START and most > _OFTEN * scans:
+        why = (
+            f"M{FLAG + k} is on, but {named.place} takes part (M8191 on) and the others count {min(told)} to "
+        )
+        tally.add(
+            Cause.SLOW_REPLY, k, 8, f"{why}{max(told)} about the master: its replies come late, and collide"
+        )
+
+
+def _slow_scans(w: Witness, tally: Tally) -> None:
+    """Every look at D8201 is too long, by no number of failed attempts."""
+    looks = [look for s in (*w.listeners, w.master) if s for look in s.after.looks]
+    if not looks or w.flagged or min(looks) <= w.link.normal:
+        return
+    unit, n, low = w.link.units, w.link.n, min(looks)
+    steps = [i * unit(w.link.torn) + j * unit(w.link.silent) for i in range(n) for j in range(n - i)]
+    if all(abs(low - unit(w.link.healthy) - step) > 1.5 for step in steps):
+        always = w.least_longest is not None and w.least_longest <= low + 2
+        why = f"D8201 is {low} or more at every look (healthy: {w.link.normal}), by no number of failures"
+        tally.add(Cause.SLOW_REPLY, None, 7 if always or len(looks) > 2 * len(w.numbers) else 4, why)
+
+
+def _away(w: Witness, tally: Tally) -> None:
+    """Who was switched off, or on late, is counted as silent by those that were there."""
+    absent = [k for k in w.numbers if w.absent(k)]
+    for k in absent:
+        named, told, most = w.readout.at(k), w.by_slaves(k), w.by_master(k)
+        tally.add(Cause.WAS_AWAY, k, 4, w.absent(k))
+        if named is not None and named.code(k) == codes.NO_PARAMETERS:
+            why = f"{named.place} was polled before it had parameters (its own code 31)"
+            tally.add(Cause.WAS_AWAY, k, 0.5, why)
+        after = [j for j in told if w.by_master(j) > START and abs(told[j] - most) <= START]
+        if after:
+            why = f"station {after[0]}, itself late, counts {told[after[0]]} too: it was away afterwards"
+            tally.add(Cause.WAS_AWAY, k, 4, why)
+        elif w.staggered and len(absent) > 1:
+            why = "all counts would also follow from power-up one after the other"
+            tally.add(Cause.WAS_AWAY, k, -2, why)
+
+
+def _master_away(w: Witness, tally: Tally) -> None:
+    """Every slave misses a master that is away, once."""
+    master = w.readout.at(0)
+    if master is not None and w.halted(master):
+        tally.add(Cause.MASTER_AWAY, 0, 8, f"{master.place} was found in the state {master.state}")
+    silent = [s for s in w.heard if s.code(0) == codes.MASTER_SILENT]
+    now = [s.place for s in silent if s.flag(0)]
+    once = max((s.count(0) or 0 for s in silent), default=0)
+    if silent and len(silent) < len([s for s in w.heard if not w.halted(s)]):
+        why = f"code 11 at {len(silent)} of {len(w.heard)} slaves only"
+        tally.add(Cause.MASTER_AWAY, 0, -3, why)
+    elif now and master is not None and master.state == "run" and master.value("M8191"):
+        why = f"M8183 is on at {', '.join(now)}, but the master is in RUN"
+        tally.add(Cause.MASTER_AWAY, 0, -2, why)
+    elif silent:
+        why = f"code 11 about the master at every slave read ({once} counts at most)"
+        tally.add(Cause.MASTER_AWAY, 0, 6 if now or once <= START else 2, why)

@@ -1,0 +1,169 @@
+"""What the stations of a readout say of each other, as the rules of a diagnosis ask for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from bussim.engines.nn import codes
+from bussim.site.link import SiteLink, SteadyNoise
+from bussim.site.readout import Readout, Station
+
+#: Counts that a start leaves at most (PLCs are switched on at different times: more).
+START = 2
+
+
+@dataclass(frozen=True)
+class Witness:
+    """The counts, codes and flags of a readout by who tells and whom it is about."""
+
+    readout: Readout
+    link: SiteLink
+
+    @cached_property
+    def numbers(self) -> range:
+        """The slaves that the master polls."""
+        return range(1, self.readout.settings.slaves + 1)
+
+    @cached_property
+    def master(self) -> Station | None:
+        """The master, where its registers were read."""
+        master = self.readout.at(0)
+        return master if master is not None and master.read else None
+
+    @cached_property
+    def heard(self) -> tuple[Station, ...]:
+        """The slaves whose registers were read, or of which something was seen to climb."""
+        return tuple(station for station in self.readout.slaves if station.supposed > 0 and station.read)
+
+    @cached_property
+    def listeners(self) -> tuple[Station, ...]:
+        """The slaves that take part: they can judge others."""
+        return tuple(station for station in self.heard if not self.deaf(station) and not self.halted(station))
+
+    @staticmethod
+    def halted(station: Station) -> bool:
+        """Whether it is off or in STOP."""
+        return station.state in ("off", "stop")
+
+    def deaf(self, station: Station) -> str:
+        """Why a station that should run hears nothing of the link, "" where it hears."""
+        if self.halted(station):
+            return ""
+        if station.flag(0) and station.code(0) == codes.MASTER_SILENT:
+            return "M8183 is on with code 11"
+        if station.value("D8174") == 0:
+            return "D8174 = 0, no parameters arrived"
+        if station.value("M8191") == 0:
+            return "M8191 is off"
+        return "its RD lamp is dark" if station.rd == "dark" else ""
+
+    @property
+    def flagged(self) -> bool:
+        """Whether the master has a flag on."""
+        return self.master is not None and any(self.master.flag(k) for k in self.numbers)
+
+    def by_master(self, about: int) -> int:
+        """The master's count about a slave, 0 where it was not read."""
+        return (self.master.count(about) or 0) if self.master is not None else 0
+
+    def by_slaves(self, about: int) -> dict[int, int]:
+        """What listening slaves count about a slave, by their number."""
+        return {
+            station.supposed: count
+            for station in self.listeners
+            if station.supposed != about and (count := station.count(about)) is not None
+        }
+
+    def common(self, about: int) -> int:
+        """The least count about a slave, the master's included: what happened after all had joined."""
+        told = list(self.by_slaves(about).values())
+        if self.master is not None:
+            told.append(self.by_master(about))
+        return min(told, default=0)
+
+    @cached_property
+    def about_master(self) -> dict[int, int]:
+        """D8203 of the listening slaves by number, without one count of code 11."""
+        return {
+            station.supposed: max(0, count - (station.code(0) == codes.MASTER_SILENT))
+            for station in self.listeners
+            if (count := station.count(0)) is not None
+        }
+
+    def own_misses(self, station: Station) -> int:
+        """Replies that a slave missed and the master did not."""
+        return sum(
+            max(0, (station.count(about) or 0) - self.by_master(about) - START)
+            for about in self.numbers
+            if about != station.supposed
+        )
+
+    @cached_property
+    def master_misses(self) -> int:
+        """Replies that are damaged at the master alone: no slave counts them, and code 04 outweighs 01."""
+        if self.master is None or not self.listeners:
+            return 0
+        more = {k: self.by_master(k) - max(self.by_slaves(k).values(), default=0) for k in self.numbers}
+        found = {k: count for k, count in more.items() if count > START}
+        damaged = sum(self.master.code(k) == codes.DAMAGED for k in found)
+        return sum(found.values()) if 2 * damaged > len(found) else 0
+
+    def absent(self, about: int) -> str:
+        """Why a slave that is there now was switched off or not yet on for a while, "" if nothing says so.
+
+        It is counted as silent, and its own D8202 saw none of the long scans that this made.
+        """
+        named = self.readout.at(about)
+        told = {0: self.by_master(about), **self.by_slaves(about)}
+        most = self.by_master(about) if self.master is not None else max(told.values())
+        if most <= START or named is None or (self.master is not None and self.master.flag(about)):
+            return ""
+        tellers = [
+            s for j in told if told[j] and (s := self.readout.at(j)) is not None and s.after is not None
+        ]
+        silent = [s for s in tellers if s.code(about) in (codes.NO_REPLY, codes.NOT_IN_NETWORK, None)]
+        own = named.value("D8202")
+        others = [s.value("D8202") or 0 for s in tellers if (s.count(about) or 0) > START]
+        if own is None or not others or own >= min(others) or 2 * len(silent) <= len(tellers):
+            return ""
+        return (
+            f"{most} counts about station {about}, its flag is off, and its own D8202 = {own} saw none of "
+            f"the long scans (others at least {min(others)})"
+        )
+
+    @cached_property
+    def errors(self) -> dict[int, int]:
+        """Station errors since the last station joined, by slave; of one that was absent none can be told.
+
+        There are none where the least D8202 is below a scan with one.
+        """
+        link, longest = self.link, self.least_longest
+        least = link.healthy + link.n * (link.slot + link.model.quiet) - link.slot
+        if longest is not None and (longest + 1) * link.model.unit < least:
+            return dict.fromkeys(self.numbers, 0)
+        return {k: 0 if self.absent(k) else self.common(k) for k in self.numbers}
+
+    @cached_property
+    def staggered(self) -> bool:
+        """Whether all counts follow from the stations having been switched on one after the other.
+
+        A slave that came after so many scans counts about each later one what the master counts less those.
+        """
+        return all(
+            abs(count - max(0, self.by_master(about) - self.by_master(teller))) <= START
+            for about in self.numbers
+            for teller, count in self.by_slaves(about).items()
+        )
+
+    @cached_property
+    def least_longest(self) -> int | None:
+        """The least D8202 of the stations that take part: what was seen after all had joined."""
+        told = [
+            station.value("D8202") for station in (*self.listeners, *((self.master,) if self.master else ()))
+        ]
+        return min((longest for longest in told if longest), default=None)
+
+    def scans(self, ber: float) -> float:
+        """Link scans while it was watched, with steady noise on the wire."""
+        return self.readout.watched / self.link.mean_scan(SteadyNoise(ber))

@@ -1,0 +1,227 @@
+"""The law of a readout's link: what its scans cost and what its registers count, per scan.
+
+All of it is :mod:`bussim.exact`'s link, made of a scenario that the readout describes.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+from bussim.exact.from_scenario import from_scenario
+from bussim.exact.link import LineNoise, LinkModel, NoiseSource
+from bussim.exact.scan.memoryless import AttemptProbabilities, probabilities_of
+from bussim.exact.scan.mixture import Distribution
+from bussim.exact.solve import Solved
+from bussim.plc.profiles import Attempts
+from bussim.scenario.loader import from_data
+from bussim.scenario.model import Scenario
+from bussim.site.forms import Settings
+from bussim.site.readout import Readout, SiteProfile
+from bussim.units import format_time
+
+BUS = "link"
+
+
+@dataclass(frozen=True, slots=True)
+class SteadyNoise:
+    """Noise without memory: bit error rates on the wire and in receivers, shares of replies that are lost.
+
+    The keys of the mappings are station numbers, the master's 0.
+    """
+
+    wire: float = 0.0
+    receivers: Mapping[int, float] = field(default_factory=dict)
+    lost: Mapping[int, float] = field(default_factory=dict)
+
+    def applied(self, model: LinkModel) -> LinkModel:
+        """The solver's link with it."""
+        parts = (("bus", None, self.wire), *(("rx", number, ber) for number, ber in self.receivers.items()))
+        sources = tuple(NoiseSource(part, number, ber) for part, number, ber in parts if ber > 0)
+        stations = tuple(replace(s, loss=self.lost.get(s.number, 0.0)) for s in model.stations)
+        return replace(model, noise=LineNoise(sources), stations=stations)
+
+    def entries(self, names: Sequence[str]) -> list[dict[str, object]]:
+        """The entries of a scenario's ``noise``; ``names`` are its PLCs by station number."""
+        found: list[dict[str, object]] = [{"bus": BUS, "ber": self.wire}] if self.wire > 0 else []
+        for key, by_station in (("ber", self.receivers), ("reply_loss", self.lost)):
+            extra = {"direction": "rx"} if key == "ber" else {}
+            found += [
+                {"bus": BUS, "station": names[number], **extra, key: value}
+                for number, value in sorted(by_station.items())
+                if value > 0
+            ]
+        return found
+
+
+def plc_name(place: str, index: int) -> str:
+    """The name of a scenario's PLC for a cabinet."""
+    name = re.sub(r"[^\w-]+", "_", place).strip("_-")[:60]
+    return name if re.search(r"[^\W\d_]", name) else f"station_{index}"
+
+
+def scenario_of(
+    profile: SiteProfile,
+    settings: Settings,
+    names: Sequence[str],
+    noise: Sequence[object] = (),
+    **changed: object,
+) -> Scenario:
+    """A scenario of the link; ``names`` are those of its stations by number, ``changed`` of its profile."""
+    form = {**profile.form, **changed}
+    plcs: list[dict[str, Any]] = []
+    for number, name in enumerate(names):
+        link: dict[str, object] = {"bus": BUS, "port": "COM4", "station": number}
+        if not number:
+            link |= {"slaves": settings.slaves, "mode": settings.mode, "retries": settings.retries}
+            link["timeout"] = format_time(settings.timeout)
+        plcs.append({"name": name, "profile": form, "nn": link})
+    data = {
+        "schema": 1,
+        "name": "readout",
+        "duration": "60 s",
+        "buses": [{"name": BUS, "nn": True}],
+        "plcs": plcs,
+    }
+    return from_data({**data, "noise": list(noise)}, name="readout")
+
+
+@dataclass(frozen=True)
+class SiteLink:
+    """One link on site. Times in ticks.
+
+    ``attempts`` is what D8179 means; of a profile whose calibration left that open the caller takes both.
+    """
+
+    profile: SiteProfile
+    settings: Settings
+    names: tuple[str, ...]
+    attempts: Attempts | None = None
+
+    @classmethod
+    def of(cls, readout: Readout, attempts: Attempts | None = None) -> SiteLink:
+        """The link of a readout."""
+        names = []
+        for number in range(readout.settings.slaves + 1):
+            station = readout.at(number)
+            names.append(plc_name(station.place, number) if station is not None else f"station_{number}")
+        if len({*names}) < len(names):
+            names = [f"{name}_{number}" for number, name in enumerate(names)]
+        return cls(readout.profile, readout.settings, tuple(names), attempts)
+
+    def scenario(self, noise: SteadyNoise) -> Scenario:
+        """The link as a scenario, disturbed by some noise."""
+        changed = {} if self.attempts is None else {"attempts": self.attempts.value}
+        return scenario_of(self.profile, self.settings, self.names, noise.entries(self.names), **changed)
+
+    @cached_property
+    def model(self) -> LinkModel:
+        """The solver's link without any noise."""
+        return from_scenario(self.scenario(SteadyNoise()), bound_end=True)[BUS]
+
+    # -- times -------------------------------------------------------------------------------------
+
+    @cached_property
+    def healthy(self) -> float:
+        """The mean of a scan without failed attempts."""
+        model = self.model
+        return model.base + sum(model.replied(station) + station.average for station in model.stations)
+
+    @property
+    def slot(self) -> float:
+        """A slave's exchange with one attempt."""
+        station = self.model.stations[0]
+        return self.model.replied(station) + station.average
+
+    @property
+    def n(self) -> int:
+        """Attempts a poll."""
+        return self.model.attempts
+
+    @property
+    def torn(self) -> float:
+        """What a scan is longer by where a reply was damaged."""
+        if self.n == 1:  # its slot was spent all the same; then a flag costs a parameter frame
+            return self.model.quiet + self.model.parameters_cost
+        return self.slot + self.model.quiet
+
+    @property
+    def silent(self) -> float:
+        """What a scan is longer by where an attempt ran to its deadline."""
+        if self.n == 1:
+            return self.model.silent_cost - self.slot + self.model.parameters_cost
+        return self.model.silent_cost
+
+    def units(self, ticks: float) -> float:
+        """A time in the unit of D8201."""
+        return ticks / self.model.unit
+
+    @cached_property
+    def normal(self) -> int:
+        """The longest D8202 without a failed attempt, in its unit."""
+        model, unit = self.model, self.model.unit
+        jitter = sum(station.slowest - station.average for station in model.stations)
+        return int((2 * (self.healthy + jitter) + unit) // (2 * unit))
+
+    def thresholds(self) -> tuple[float, float, float]:
+        """The ladder's three thresholds: any failed attempt, one that was silent, more than one."""
+        ms = self.model.unit
+        first = 2.6 / 1000 * 72_000_000
+        return (
+            (self.healthy + first) / ms,
+            (self.healthy + (self.torn + self.silent) / 2) / ms,
+            (self.healthy + self.silent + 2.5 * first) / ms,
+        )
+
+    # -- counts ------------------------------------------------------------------------------------
+
+    @property
+    def data_bits(self) -> int:
+        """Bits of a data frame."""
+        return self.model.data_bits
+
+    def damaged(self, ber: float, bits: int) -> float:
+        """The probability that a frame is damaged."""
+        return float(1 - (1 - ber) ** bits)
+
+    def master_damaged(self, ber: float, polls: float | None = None) -> float:
+        """Starts of runs of damaged frames of the master that a slave counts in D8203, per scan."""
+        polls = self.settings.slaves if polls is None else polls
+        data, poll = self.damaged(ber, self.data_bits), self.damaged(ber, self.model.poll_bits)
+        return data * (1 - poll) + poll * (1 - data) + max(0.0, polls - 1) * poll * (1 - poll)
+
+    def attempt(self, noise: SteadyNoise) -> tuple[AttemptProbabilities, ...]:
+        """How one attempt at each slave ends under memoryless noise."""
+        return probabilities_of(noise.applied(self.model))
+
+    def mean_scan(self, noise: SteadyNoise) -> float:
+        """The mean of a scan under some noise: the healthy one and what failed attempts cost."""
+        return self.healthy + sum(self.failures(each)[0] for each in self.attempt(noise))
+
+    def failures(self, each: AttemptProbabilities) -> tuple[float, float]:
+        """What failed attempts at a slave add to a scan on average, and how many there are."""
+        p, n = each.failed, self.n
+        failed = p * (1 - p**n) / (1 - p) if p < 1 else n
+        share = each.silent / p if p else 0.0
+        cost = share * self.silent + (1 - share) * self.torn
+        ended = self.model.parameters_cost - self.slot if n > 1 else 0.0
+        return failed * cost + p**n * ended, failed
+
+    def distribution(self, noise: SteadyNoise) -> Distribution | None:
+        """The distribution of a scan under some noise; None where there is no closed form of it."""
+        model = noise.applied(self.model)
+        return Solved(model).distribution if model.valid else None
+
+    def station_errors(self, p: float) -> float:
+        """What the master counts about a slave whose attempts fail with p, per scan (all four policies).
+
+        With ``probe`` and ``per_scan`` a flagged station has one attempt, with ``on_edge`` only losses count.
+        """
+        model, fails = self.model, p**self.n
+        if model.absent.probes:
+            flagged = fails / (1 - p + fails) if p < 1 else 1.0
+            return fails * (1 - flagged) if model.error_count.on_edge else flagged
+        return fails * (1 - fails) if model.error_count.on_edge else fails

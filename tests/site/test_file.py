@@ -1,0 +1,142 @@
+"""Reading a readout: what is right, and every mistake with its position, all at once."""
+
+from pathlib import Path
+
+import pytest
+
+from bussim.errors import ScenarioError, UsageError
+from bussim.site.file import load
+from bussim.site.readout import Readout
+from tests.site.examples import healthy, readout, seen
+
+HEAD = """schema: 1
+kind: readout
+profile: {profile}
+settings: {{slaves: 1, mode: 0, retries: 3, timeout: 50 ms}}
+watched: 2 h
+stations:
+"""
+
+
+def problems(text: str, folder: Path) -> list[str]:
+    path = folder / "readout.yaml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ScenarioError) as failure:
+        load(path)
+    return [str(problem).removeprefix(f"{path}:") for problem in failure.value.problems]
+
+
+def test_what_was_not_read_is_not_zero(tmp_path: Path) -> None:
+    data = healthy()
+    del data["stations"][2]["after"]["D8204"]
+    station = readout(data, tmp_path).at(2)
+    assert station is not None
+    assert station.count(1) is None
+    assert station.count(3) == 0
+
+
+def test_counts_are_differences_and_what_only_climbs_is_one_at_least(tmp_path: Path) -> None:
+    data = healthy()
+    for station in data["stations"]:
+        station["before"] = dict(station["after"])
+    seen(data, 1, D8203=7)
+    data["stations"][1]["before"]["D8203"] = 5
+    del data["stations"][2]["after"]["D8203"]
+    data["stations"][2]["rising"] = ["D8203"]
+    found = readout(data, tmp_path)
+    assert [found.at(number).count(0) for number in (1, 2, 3)] == [2, 1, 0]  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(("shown", "stored"), [(21, 0x21), (33, 0x21), (31, 0x31), (20, 0x14), (4, 4)])
+def test_codes_are_read_in_decimal_and_as_hexadecimal_digits(shown: int, stored: int, tmp_path: Path) -> None:
+    data = healthy()
+    seen(data, 1, D8213=shown)
+    assert readout(data, tmp_path).at(1).code(2) == stored  # type: ignore[union-attr]
+
+
+def test_a_station_has_one_style_of_codes(tmp_path: Path) -> None:
+    data = healthy()
+    seen(data, 1, D8211=14, D8213=33, D8214=21)
+    with pytest.raises(ScenarioError, match=r"D8213 is 33, no error code; .* are as hexadecimal digits"):
+        readout(data, tmp_path)
+
+
+def test_an_fx1s_has_its_own_names(tmp_path: Path) -> None:
+    path = tmp_path / "readout.yaml"
+    path.write_text(
+        HEAD.format(profile="fx1s")
+        + "  - {place: a, after: {D201: 20, D204: 3, D212: 1, M505: on, M503: on}}\n",
+        encoding="utf-8",
+    )
+    found = load(path)
+    assert isinstance(found, Readout)
+    assert dict(found.stations[0].after.values) == {
+        "D8201": 20,
+        "D8204": 3,
+        "D8212": 1,
+        "M8184": 1,
+        "M8191": 1,
+    }
+
+
+def test_every_mistake_is_named_with_its_position(tmp_path: Path) -> None:
+    found = problems(
+        HEAD.format(profile="pw10")
+        + """  - place: a
+    before: {D8203: 5}
+    after: {D8201: [18, 40], D8202: 20, D8203: 3, D8299: 1}
+  - {place: a, after: {D8204: 40000, D8211: 77, M8183: maybe}}
+ladder: {thresholds_ms: [30, 20], rises: [5, 9]}
+""",
+        tmp_path,
+    )
+    positions = "9:37 9:48 9:51 10:5 10:13 10:31 10:45 10:56 11:30 11:46"
+    assert [problem.partition(": ")[0] for problem in found] == positions.split()
+    said = "\n".join(found)
+    for text in (
+        "after.D8202 is 20, below a look at D8201 (40)", "after.D8203 is 3, below the 5 of before", "did you mean D8209?",
+        "has no before, which a has", "place is 'a', as of another station", "after.D8204 is 40000, allowed 0..32767",
+        "after.D8211 is 77, no error code; allowed 0, 1, 2, 3, 4, 11, 14", "after.M8183 is 'maybe', allowed on, off",
+        "is 20, not above the 30 before it", "is 9, above the 5 before it",
+    ):  # fmt: skip
+        assert text in said
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("watched: 2 h", "watched: 0 h", "watched is 0 h, allowed more than 0"),
+        ("50 ms", "55 ms", "timeout is 55 ms, which D8180 (x 10 ms) cannot be; nearest are 50 ms and 60 ms"),
+        ("profile: pw10", "profile: pw1", "profile is 'pw1', neither a profile nor a file of one; did you mean pw10?"),
+        ("kind: readout", "kind: reading", "kind is 'reading', allowed readout, calibration"),
+        ("mode: 0", "mode: 9", "settings.mode is 9, allowed 0..4"),
+        ("watched: 2 h", "watched: 2 h\nstarted: 5 min", "started is no such text as: 300 s before the first reading"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_at_the_top(old: str, new: str, message: str, tmp_path: Path) -> None:
+    text = HEAD.format(profile="pw10") + "  - {place: a, after: {D8201: 18}}\n"
+    assert message in "\n".join(problems(text.replace(old, new), tmp_path))
+
+
+def test_a_station_that_tells_of_itself_is_noted(tmp_path: Path) -> None:
+    data = healthy()
+    seen(data, 2, D8205=7, D8214=31)
+    assert "lift (station 2) counts about itself (D8205 = 7)" in " ".join(readout(data, tmp_path).notes)
+
+
+def test_unread_numbers_are_those_that_fit(tmp_path: Path) -> None:
+    """The paper has feeder before lift, and lift counts about 2: it is station 1."""
+    data = healthy()
+    for station in data["stations"]:
+        del station["number"]
+    seen(data, 1, D8204=90)
+    seen(data, 2, D8205=80)
+    assert [station.supposed for station in readout(data, tmp_path).stations] == [0, 2, 1, 3]
+
+
+def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="cannot be read"):
+        load(tmp_path / "none.yaml")
+    (tmp_path / "empty.yaml").write_text("", encoding="utf-8")
+    with pytest.raises(ScenarioError, match="is empty; a readout begins with schema: 1, kind: readout"):
+        load(tmp_path / "empty.yaml")
