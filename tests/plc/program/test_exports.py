@@ -243,7 +243,7 @@ def test_a_mistake_in_a_table_has_its_line_and_column(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("delimiter", [",", "\t", ";"])
-@pytest.mark.parametrize("preset", ["Preset", "Set Value", "設定値", "设定值"])
+@pytest.mark.parametrize("preset", ["Preset", "Set Value", "設定値", "常数"])
 def test_a_preset_has_a_column_of_its_own(delimiter: str, preset: str) -> None:
     rows = [
         ("Step", "Instruction", "Device", preset, "Note"),

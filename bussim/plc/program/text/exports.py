@@ -28,7 +28,7 @@ _HEADS = {
         "软元件",
         "軟元件",
     ),
-    "preset": ("preset", "setvalue", "settingvalue", "設定値", "设定值", "设置值", "预设值"),
+    "preset": ("preset", "setvalue", "value", "設定値", "设定值", "设置值", "预设值", "常数"),
     "comment": ("comment", "コメント", "注释", "註解", "注解", "软元件注释"),
     "name": ("device", "devicename", "デバイス", "デバイス名", "软元件", "软元件名", "軟元件名"),
 }
