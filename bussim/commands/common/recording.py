@@ -16,7 +16,7 @@ from bussim.errors import UsageError
 if TYPE_CHECKING:
     from bussim.line.characters import LineTiming
     from bussim.live.layout.judge import Misfit
-    from bussim.live.recordings.source import LineSetup, Source
+    from bussim.live.recordings.source import LineSetup, Progress, Source
     from bussim.live.sniff.line import FoundLine
     from bussim.live.sniff.listener import Listener
     from bussim.live.sniff.reading import Settings
@@ -126,14 +126,25 @@ def is_recording(source: str) -> bool:
 
 
 def open_line(
-    source: str, settings: Settings, *, bus: str | None, tolerance: int, limit: int | None = None
+    source: str,
+    settings: Settings,
+    *,
+    bus: str | None,
+    tolerance: int,
+    limit: int | None = None,
+    progress: Progress | None = None,
 ) -> OpenLine:
-    """A recording, and how it is read, up to a tick. Raises UsageError where it cannot be."""
+    """A recording, and how it is read, up to a tick. Raises UsageError where it cannot be.
+
+    ``progress`` is called while it is read.
+    """
     from bussim.live.recordings.frames import TraceFile
     from bussim.live.recordings.open import open_recording
     from bussim.live.sniff.line import find_line
 
     opened = open_recording(Path(source), bus=bus, channels=settings.channels)
+    if progress is not None:
+        opened.progress = progress
     name, names = bus or "line", dict[int, str]()
     if isinstance(opened, TraceFile):
         name = opened.bus.name

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from bussim.commands.common.output import busy, checked_target, print_json, write_text
+from bussim.commands.common.progress import progress_bar
 from bussim.commands.common.recording import is_recording, line_options
 from bussim.commands.common.scenario_options import code_option, time_of
 from bussim.errors import UsageError
@@ -72,8 +73,8 @@ def command(
     if not is_recording(trace):
         raise UsageError(f"{trace} is no file and no folder; record a line first: bussim sniff URL --out DIR")
     target = None if output is None else checked_target(Path(output), (), force=force)
-    with busy(f"reading {trace}"):
-        fitted = fit(trace, settings, bus=bus, tolerance=tolerance)
+    with progress_bar() as progress:
+        fitted = fit(trace, settings, bus=bus, tolerance=tolerance, progress=progress)
     estimated = warnings_of(fitted)
     to_carry = carried(fitted, estimated)
     longest = time_of("--simulate", simulate)

@@ -17,7 +17,7 @@ from bussim.live.fit.link import LinkEstimate, LinkObserver
 from bussim.live.fit.modbus import BusEstimate, BusObserver
 from bussim.live.fit.noise import NoiseEstimate
 from bussim.live.recordings.frames import TraceFile
-from bussim.live.recordings.source import LineSetup
+from bussim.live.recordings.source import LineSetup, Progress
 from bussim.live.sniff.heard import LineProtocol
 from bussim.live.sniff.link import station_name
 from bussim.live.sniff.listener import Listener
@@ -71,13 +71,16 @@ def fit(
     *,
     bus: str | None = None,
     tolerance: str | None = None,
+    progress: Progress | None = None,
 ) -> Fitted:
     """The estimates of a recording; ``settings`` are what is known of its line.
+
+    ``progress`` shows how much of it is read.
 
     Raises UsageError if it cannot be read, RunError if it has no exchange.
     """
     longest = 20 * TICKS_PER_MS if tolerance is None else time_of("--tolerance", tolerance)
-    line = open_line(source, settings or Settings(), bus=bus, tolerance=longest)
+    line = open_line(source, settings or Settings(), bus=bus, tolerance=longest, progress=progress)
     protocol, timing = line.found.reading.protocol, line.timing
     if line.misfit is not None:
         raise RunError(f"{source}: {line.misfit.text}; {_LAYOUT}")

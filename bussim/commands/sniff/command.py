@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bussim.commands.common.output import busy, checked_target, print_json, write_text
+from bussim.commands.common.output import checked_target, print_json, write_text
 from bussim.commands.common.port_options import options_of, port_options
+from bussim.commands.common.progress import progress_bar
 from bussim.commands.common.recording import is_recording, line_options, open_line, read
 from bussim.commands.common.scenario_options import time_of
 from bussim.errors import RunError, UsageError
@@ -96,8 +97,10 @@ def command(
             return
         if bridge is not None:
             raise UsageError("--bridge joins two ports; a recording has none")
-        with busy(f"reading {source}"):
-            line = open_line(source, settings, bus=bus, tolerance=options.tolerance, limit=limit)
+        with progress_bar() as progress:
+            line = open_line(
+                source, settings, bus=bus, tolerance=options.tolerance, limit=limit, progress=progress
+            )
             found, kept = line.found.reading, line.source
             session = _Session(line.bus, line.timing, found.protocol, line.names, exact=kept.exact)
             session.record(stack, out, force=force)

@@ -9,7 +9,7 @@ from pathlib import Path
 from bussim.engines.contract import RxChar
 from bussim.line.characters import CharFormat, LineTiming
 from bussim.live.arrival import GOOD, Timed, placed
-from bussim.live.recordings.source import Chunk, Facts, LineSetup, Source
+from bussim.live.recordings.source import PROGRESS_EVERY, Chunk, Facts, LineSetup, Source
 from bussim.trace.file import Trace, read_trace
 from bussim.trace.levels import characters_of, disputed_of, is_plain
 from bussim.trace.records import FrameRecord, TraceBus
@@ -64,6 +64,8 @@ class TraceFile(Source):
         for number, frame in enumerate(self._trace.of(FrameRecord, bus=self.bus.name)):
             if frame.protocol != _FREE and frame.chars:
                 heapq.heappush(waiting, (frame.start, number, frame))
+            if not number % PROGRESS_EVERY:
+                self.progress("reading", frame.end, self.header.duration or frame.end)
             if len(waiting) > _LATE:
                 yield heapq.heappop(waiting)[2]
         while waiting:

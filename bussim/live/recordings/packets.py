@@ -17,7 +17,7 @@ from typing import BinaryIO, NamedTuple
 from bussim.engines.contract import RxChar
 from bussim.live.arrival import placed
 from bussim.live.recordings.errors import RecordingError
-from bussim.live.recordings.source import Chunk, Facts, LineSetup, Source
+from bussim.live.recordings.source import PROGRESS_EVERY, Chunk, Facts, LineSetup, Source
 from bussim.units import TICKS_PER_SECOND
 from bussim.wording import visible
 
@@ -261,7 +261,9 @@ class PacketFile(Source):
         end, since = 0, None
         with self._opened() as file:
             reader = PacketReader(file, str(self._path))
-            for number, tick, data in reader.packets():
+            for count, (number, tick, data) in enumerate(reader.packets()):
+                if not count % PROGRESS_EVERY:
+                    self.progress("reading", file.tell(), self._path.stat().st_size)
                 wire = self._wire(reader, number) if self._channels else 0 if number == self._chosen else -1
                 if wire < 0 or not data:
                     continue

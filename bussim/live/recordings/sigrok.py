@@ -133,7 +133,7 @@ class SigrokFile(Source):
 
         first: dict[str, list[int]] = {name: [] for name in self.channels}
         counts = dict.fromkeys(self.channels, 0)
-        for found, _ in self.changes(self.channels):
+        for found, _ in self.changes(self.channels, "looking for the line"):
             for name, edges in found.items():
                 counts[name] += len(edges)
                 if len(first[name]) < MOST_SURVEYED:
@@ -175,12 +175,16 @@ class SigrokFile(Source):
         """See the source of a recording."""
         return (2 * self.samples * TICKS_PER_SECOND + self.rate) // (2 * self.rate)
 
-    def changes(self, names: Iterable[str]) -> Iterator[tuple[dict[str, np.ndarray], int]]:
+    def changes(
+        self, names: Iterable[str], what: str = "reading"
+    ) -> Iterator[tuple[dict[str, np.ndarray], int]]:
         """The samples at which each channel changes, in blocks, and how many samples were read so far.
 
-        A channel whose first sample is low has an edge there.
+        A channel whose first sample is low has an edge there. ``what`` is shown as being done.
         """
         import numpy as np
+
+        total = sum(self._zip.getinfo(name).file_size for name in self._parts()) // self._unit
 
         before, at = np.array([np.iinfo(np.uint64).max], dtype="<u8"), 0
         for block in self._blocks():
@@ -192,6 +196,7 @@ class SigrokFile(Source):
                 found[name] = changed[(flips >> self.channels[name]) & 1 == 1] + at
             before = samples[-1:]
             at += len(block)
+            self.progress(what, at, total)
             yield found, at
         self.samples = at
 

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from bussim.line.characters import LineTiming
 from bussim.live.arrival import Timed
 from bussim.live.layout.value import ASSUMED, Layout
+
+#: Shows what is done, how much of it, and of how much.
+Progress = Callable[[str, int, int], None]
+#: Rows or packets between two calls of what shows the progress.
+PROGRESS_EVERY = 4096
 
 
 class Chunk(NamedTuple):
@@ -58,7 +63,7 @@ class Source(ABC):
     ``exact``: its times are those of the line. ``tolerant``: a frame may come in parts, so that the distance
     between characters proves little. ``times``: "exact", "system" or "none". ``begin`` is the tick at which
     it begins, None: with its first character. ``resolution`` is that of its times, in ticks. ``wires`` are
-    the wires of the line, one a direction where it gives directions.
+    the wires of the line, one a direction where it gives directions. ``progress`` is called now and then.
     """
 
     exact: bool
@@ -68,6 +73,7 @@ class Source(ABC):
     begin: int | None = None
     wires: int = 1
     facts: Facts
+    progress: Progress = staticmethod(lambda *_: None)
 
     @abstractmethod
     def chunks(self, setup: LineSetup) -> Iterator[Chunk]:

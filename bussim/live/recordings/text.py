@@ -23,7 +23,7 @@ from bussim.live.recordings.rows import (
     saleae,
     socat,
 )
-from bussim.live.recordings.source import Chunk, Facts, LineSetup, Source
+from bussim.live.recordings.source import PROGRESS_EVERY, Chunk, Facts, LineSetup, Source
 from bussim.units import TICKS_PER_SECOND
 
 #: Characters of a line: 64 KiB of bytes, far more than comes at once.
@@ -102,7 +102,10 @@ class TextFile(Source):
         batch: list[Timed] = []
         wire = 0
         with self._opened() as file:
-            for found in self._rows(_lines(file), decimal_comma=setup.decimal_comma):
+            size = self._path.stat().st_size
+            for count, found in enumerate(self._rows(_lines(file), decimal_comma=setup.decimal_comma)):
+                if not count % PROGRESS_EVERY:
+                    self.progress("reading", file.buffer.tell(), size)
                 if found is None:
                     continue
                 if isinstance(found, Unreadable):

@@ -167,8 +167,9 @@ class ModbusDecoder(Decoder):
             self._damaged_request = False
 
     def _is_double(self, heard: Heard, open_: Open) -> bool:
-        """Whether a frame repeats the open request closer than any master repeats one."""
-        return self._close(open_.heard, heard) and _same(heard, open_.heard) and not open_.echoed
+        """Whether a frame repeats the open request closer than any master does that heard nothing."""
+        behind = not (open_.echoed or open_.damaged or open_.wrong)
+        return behind and self._close(open_.heard, heard) and _same(heard, open_.heard)
 
     def _twice(self, heard: Heard, open_: Open) -> None:
         open_.echoed = True

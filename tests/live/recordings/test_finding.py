@@ -168,8 +168,10 @@ def split(serial: Serial, rate: int, seed: int) -> tuple[dict[str, np.ndarray], 
 def test_two_directions_on_two_channels_are_one_line(tmp_path: Path) -> None:
     serial = Serial(19200, 8, "E", 1)
     channels, frames = split(serial, 200_000, 5)
-    still = {"still": np.ones(10, dtype=np.uint8)}
-    path = sigrok(tmp_path / "line.sr", 200_000, still | channels)
+    # A channel on which nothing changes, and one that has edges wherever the line has some.
+    length = max(map(len, channels.values()))
+    others = {"still": np.ones(10, dtype=np.uint8), "clock": (np.arange(length) // 20 % 2).astype(np.uint8)}
+    path = sigrok(tmp_path / "line.sr", 200_000, others | channels)
     for options in ((), ("--channel", "TX,RX"), ("--channel", "RX,TX")):
         found = sniffed(path, *options)
         assert sorted(found["channels"]) == ["RX", "TX"]

@@ -317,6 +317,24 @@ def test_damage_at_the_recorder_only() -> None:
     assert decoder.recorder_damage == 2  # one request with a response, one response that was not repeated
 
 
+@pytest.mark.parametrize("tolerance", [0, TICKS_PER_SECOND // 50])
+@pytest.mark.parametrize("reply", ["damaged", "wrong"])
+def test_a_master_that_repeats_at_once_is_no_echo(reply: str, tolerance: int) -> None:
+    """Where times are those of the system, its repeat is as close to the request as an echo may be."""
+    timing = LineTiming(38400, CharFormat(8, "N", 1))
+    read, right = rtu(1, 3, 0, 0, 0, 2), rtu(1, 3, 4, bytes(4))
+    bad = right[:-1] + b"\x00" if reply == "damaged" else rtu(1, 3, 2, 0, 7)
+    frames = []
+    for number in range(40):
+        at = 0.1 + 0.1 * number
+        frames += [(at, read), (at + 0.005, bad if number % 4 == 3 else right)]
+        if number % 4 == 3:
+            frames += [(at + 0.012, read), (at + 0.017, right)]
+    decoder = listened(frames, timing, exact=not tolerance, tolerance=tolerance).decoder
+    outcome = "damaged" if reply == "damaged" else "wrong_answer"
+    assert (decoder.outcomes, decoder.strays) == ({"ok": 40, outcome: 10}, 0)
+
+
 def test_modbus_ascii_with_odd_ends(tmp_path: Path) -> None:
     serial = Serial(9600, 7, "E", 1)
     sent, _ = modbus(serial, 30, 3, frame=ascii_frame)
