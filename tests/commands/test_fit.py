@@ -8,6 +8,7 @@ import pytest
 
 import bussim
 from bussim.cli import main
+from tests.live.recordings.generator import rtu
 from tests.undrawn import undrawn
 
 SCENARIO = """\
@@ -186,3 +187,21 @@ def test_mistakes(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str])
     ):
         assert main(["fit", *arguments]) == 1
         assert said in capsys.readouterr().err
+
+
+def test_more_polls_than_a_scenario_may_have(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Those that come most often stay, and the share of the others is told."""
+    path, output, rows = tmp_path / "line.txt", tmp_path / "fitted.yaml", []
+    for turn in range(2):
+        for number in range(230 if turn else 200, -1, -1):
+            head = bytes((1 + number % 7, 3))
+            at = 0.05 * (len(rows) // 2)
+            rows += [
+                f"{at + 0.01:.6f} {rtu(head, 0, number, 0, 1).hex()}",
+                f"{at + 0.02:.6f} {rtu(head, 2, 0, 7).hex()}",
+            ]
+    path.write_text("\n".join(rows), encoding="utf-8")
+    found = fitted(capsys, str(path), "-b", "19200", "-P", "none", "--simulate", "0 s", "-o", str(output))
+    (warning,) = (each["text"] for each in found["warnings"] if each["code"] == "left_out")
+    assert "31 polls, 7.4% of turns" in warning  # 31 that came once and one that came twice
+    assert len(bussim.load(output).source["devices"][0]["polls"]) == 200

@@ -22,6 +22,7 @@ from bussim.live.fit.turnaround import TurnaroundDistribution
 from bussim.plc.link_registers import D_STATION
 from bussim.plc.ports.cpavl import DEFAULT_INTERVAL
 from bussim.plc.profiles import PROFILES
+from bussim.scenario.schema.document import MAX_POLLS
 from bussim.units import TICKS_PER_MS, format_time
 
 if TYPE_CHECKING:
@@ -126,7 +127,8 @@ def bus_scenario(found: BusEstimate, bus: str, *, name: str, duration: int, seed
         # A master keeps its pause behind a missing reply, too: the wait is both.
         hmi["timeout"] = format_time(max(found.silence, found.timeout - interval))
     hmi["polls"] = []
-    held = [poll for poll in found.polls if left_out(poll) is None]
+    left = left_out(found.polls)
+    held = [poll for poll in found.polls if poll not in left]
     for poll in held:
         entry: dict[str, Any] = {
             "station": poll.station,
@@ -186,8 +188,14 @@ def _delay(distribution: TurnaroundDistribution) -> dict[str, str]:
     }
 
 
-def left_out(poll: PollEstimate) -> str | None:
-    """Why a scenario cannot have a poll; None where it can."""
+def left_out(polls: Sequence[PollEstimate]) -> dict[PollEstimate, str]:
+    """The polls that a scenario cannot have, and why; beyond their number, those that come least often."""
+    found = {poll: reason for poll in polls if (reason := _unsendable(poll)) is not None}
+    rest = sorted((poll for poll in polls if poll not in found), key=lambda poll: -poll.turns)
+    return found | dict.fromkeys(rest[MAX_POLLS:], f"a scenario's master has at most {MAX_POLLS} polls")
+
+
+def _unsendable(poll: PollEstimate) -> str | None:
     if poll.function not in SPACES:
         return f"a scenario's master does not send function {poll.function}"
     if not FIRST_STATION <= poll.station <= LAST_STATION and (poll.station or poll.function not in WRITES):

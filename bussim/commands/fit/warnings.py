@@ -38,9 +38,13 @@ def warnings_of(fitted: Fitted) -> dict[str, str]:
         found["scan_overhead"] = "nothing shows the master's scan overhead: that of the scenario is assumed"
     if fitted.ports is not None:
         polls = fitted.ports.polls
-        reasons = [f"{poll.name}: {reason}" for poll in polls if (reason := left_out(poll)) is not None]
-        if reasons:
-            found["left_out"] = f"{counted(len(reasons), 'poll')} left out of the scenario: {_some(reasons)}"
+        left = left_out(polls)
+        if left:
+            share = 100 * sum(poll.turns for poll in left) / sum(poll.turns for poll in polls)
+            reasons = _some([f"{poll.name}: {reason}" for poll, reason in left.items()])
+            found["left_out"] = (
+                f"{counted(len(left), 'poll')}, {share:.2g}% of turns, left out of the scenario: {reasons}"
+            )
         irregular = [
             f"{poll.name}: {_span(poll.low)} to {_span(poll.high)} ms" for poll in polls if poll.irregular
         ]

@@ -75,7 +75,9 @@ class Channels:
                 name for name in names if self._has_all(name, parts, self._source.rate / setup.timing.baud)
             ]
             whole = [self._read(setup._replace(channels=(name,)), protocol)[0] for name in lines]
-            whole = [each for each in whole if each.score.recognised]  # else a clock, say, with edges everywhere
+            whole = [
+                each for each in whole if each.score.recognised
+            ]  # else a clock, say, with edges everywhere
             if whole:
                 return max(whole, key=lambda each: (each.score.responses, each.score.rank))
         alone, together = self._together(setup, protocol, [setup.channels[0], *parts])
