@@ -10,7 +10,9 @@ import pandas
 import pytest
 
 import bussim
+from bussim.commands.common.recording import open_line, read
 from bussim.export.formats import export_trace
+from bussim.live.sniff.reading import Settings
 from bussim.scenario import builtin
 from bussim.scenario.loader import from_data
 from bussim.scenario.model import Scenario
@@ -165,3 +167,19 @@ def test_drivers_that_release_late_are_counted_alike_in_packets(tmp_path: Path) 
     assert run["damaged"] > 100
     assert run["strays"] > 0
     assert [packets[key] for key in keys] == [run[key] for key in keys]
+
+
+def test_what_is_read_says_how_far_it_is(tmp_path: Path) -> None:
+    for kind, (path, _) in of_run(from_data(scenario(1)), tmp_path).items():
+        said: list[tuple[str, int, int]] = []
+        line = open_line(
+            str(path), Settings(), bus=None, tolerance=0, progress=lambda *each, said=said: said.append(each)
+        )
+        read(line, None, None)
+        assert {what for what, _, _ in said} == {
+            "reading",
+            *(["looking for the line"] if kind == "sr" else []),
+        }
+        assert all(0 <= done <= total for _, done, total in said), kind
+        if kind == "sr":
+            assert said[-1][1] == said[-1][2]
