@@ -192,19 +192,19 @@ def _time(text: str, value: str, least: int = 1) -> int:
     return ticks
 
 
-def _number(text: str, value: str) -> float:
+def _number(text: str, value: str, form: str) -> float:
     try:
         return float(value)
     except ValueError:
-        raise ValueError(f"is {text!r}, where {value!r} is not a number") from None
+        raise ValueError(f"is {text!r}, where {value!r} is not a number; write {form}") from None
 
 
 def _rate(text: str, value: str, form: str) -> Rate:
     match = _RATE.fullmatch(value.strip())
     if match is None and not re.fullmatch(r"[0-9.eE+-]+", value.strip()):
-        raise ValueError(f"is {text!r}, where {value!r} is not a rate; write {form}")
+        raise ValueError(f"is {text!r}, where {value!r} is not a rate; write a number and /h, /d or /y: {form}")
     number, unit = match.groups() if match else (value.strip(), None)
-    rate = Rate(_number(text, number), (unit or "y")[0])
+    rate = Rate(_number(text, number, form), (unit or "y")[0])
     if not 0 < rate < 1e9:
         raise ValueError(f"is {text!r}, whose rate must be above 0 and below 1e9 a year")
     return rate
@@ -213,7 +213,7 @@ def _rate(text: str, value: str, form: str) -> Rate:
 def _probability(text: str, value: str | None, form: str) -> float:
     if value is None:
         raise ValueError(f"is {text!r}, without a probability; write {form}")
-    probability = _number(text, value)
+    probability = _number(text, value, form)
     if not 0 < probability < 1:
         raise ValueError(f"is {text!r}, whose probability must lie between 0 and 1")
     return probability

@@ -131,7 +131,7 @@ SENTENCES: Mapping[str, Sentence] = {
     ),
     "collisions_with": _fault(
         "{bus}: frames that began while {nodes:list} still sent (collisions): {frames:n}; a reply came after "
-        "the timeout, or a station sent that was not polled."
+        "its timeout, or a node sent that was not asked."
     ),
     "undetected": _fault(
         "{bus}: damaged frames taken as good: {frames:n}; how often that happens rests on the assumed "

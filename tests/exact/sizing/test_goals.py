@@ -58,6 +58,8 @@ def test_every_form_in_the_help_is_understood_and_printed_again() -> None:
         ("scan<=200ms", "without a probability; write scan<=200ms@1e-6"),
         ("scan<=200ms@2", "whose probability must lie between 0 and 1"),
         ("scan<=200ms@often", "'often' is not a number"),
+        ("scan<=200ms@1%", "'1%' is not a number; write scan<=200ms@1e-6"),
+        ("errors<=1/week", "is not a rate; write a number and /h, /d or /y: errors<=1/y"),
         ("scan<=200@1e-6", "a time without a unit"),
         ("dead<=400ms@1e-6", "@ belongs to scan and heartbeat only"),
         ("dead<=-1ms", "must lie between 0 and 1 y"),
