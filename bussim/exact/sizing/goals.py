@@ -202,7 +202,9 @@ def _number(text: str, value: str, form: str) -> float:
 def _rate(text: str, value: str, form: str) -> Rate:
     match = _RATE.fullmatch(value.strip())
     if match is None and not re.fullmatch(r"[0-9.eE+-]+", value.strip()):
-        raise ValueError(f"is {text!r}, where {value!r} is not a rate; write a number and /h, /d or /y: {form}")
+        raise ValueError(
+            f"is {text!r}, where {value!r} is not a rate; write a number and /h, /d or /y: {form}"
+        )
     number, unit = match.groups() if match else (value.strip(), None)
     rate = Rate(_number(text, number, form), (unit or "y")[0])
     if not 0 < rate < 1e9:

@@ -296,6 +296,7 @@ SENTENCES: Mapping[str, Sentence] = {
     "in_stop": Sentence("in STOP"),
     "once": Sentence("from {from_s:.3f} s on for {for_s:.3f} s"),
     "at_once": Sentence("at {from_s:.3f} s"),
+    "apart": Sentence("{times:n} times between {first_s:.3f} s and {last_s:.3f} s"),
     "several_times": Sentence(
         "{times:n} times between {first_s:.3f} s and {last_s:.3f} s, for {total_s:.3f} s in all, the longest "
         "time from {from_s:.3f} s on for {for_s:.3f} s"
@@ -388,8 +389,9 @@ class _Text(Formatter):
             case "when":
                 if value is None:  # in a folder of an earlier version
                     return render("times_unknown", lang=self._lang)
-                key = "several_times" if value["times"] > 1 else "once" if value["for_s"] else "at_once"
-                return render(key, value, self._lang)
+                several, lasts = value["times"] > 1, value["for_s"]
+                key = "several_times" if lasts else "apart"
+                return render(key if several else "once" if lasts else "at_once", value, self._lang)
             case "times":
                 which = "" if value["max"] is None else "mean" if value["p50"] is None else "median"
                 return which and render(f"{which}_times", value, self._lang)

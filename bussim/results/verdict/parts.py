@@ -53,13 +53,7 @@ def in_all(times: Times) -> dict[str, Any]:
 
 def noted(found: Irregular | None) -> dict[str, Any] | None:
     """The times of what came now and then, as a value of the format ``when``; None where none were kept."""
-    if found is None:
-        return None
-    times = found.times()
-    if not times.total:  # single ones further apart
-        first, last, times = times.first, times.last, Times()
-        times.add(first, last)
-    return in_all(times)
+    return None if found is None else in_all(found.times())
 
 
 def summed(spans: Iterable[Span], duration_s: float) -> Times:

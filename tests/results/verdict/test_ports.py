@@ -171,6 +171,16 @@ def test_a_reply_under_way_when_the_timeout_is_over_is_late(delay: int, tmp_path
     assert {item["key"] for item in faults(items(result))} == {"no_own_data", "late", "request_silent"}
 
 
+def test_exceptions_far_apart_are_not_said_to_last(tmp_path: Path) -> None:
+    bus = modbus(random.Random(1)) | {"duration": "9 s"}
+    bus["plcs"][0]["polls"][1] |= {"address": 0x1000, "every": "4 s"}
+    (said,) = [item for item in faults(items(run(bus, tmp_path))) if item["key"] == "exceptions"]
+    when = said["values"]["when"]
+    assert (when["times"], when["total_s"]) == (3, 0)
+    between = f"3 times between {when['first_s']:.3f} s and {when['last_s']:.3f} s: 02 3× (illegal address)."
+    assert said["text"] == f"press.COM3: exception responses, {between}"
+
+
 def test_broadcasts_alone_want_no_response(tmp_path: Path) -> None:
     bus = modbus(random.Random(2))
     bus["plcs"][0]["polls"] = [
