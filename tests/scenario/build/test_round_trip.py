@@ -379,9 +379,15 @@ def _scenarios(draw: st.DrawFn) -> dict[str, Any]:
 def test_any_scenario_is_the_same_after_writing_and_reading(data: dict[str, Any]) -> None:
     first = from_data(data)
     written = dumps(first)
-    assert loads(written) == first
+    assert _unworded(loads(written)) == _unworded(first)
     assert dumps(loads(written)) == written
     assert loads(json.dumps(data, ensure_ascii=False)) == first
+
+
+def _unworded(scenario: Scenario) -> Scenario:
+    """Without the text of warnings that show a time as it is written (50.01 s or 50010 ms, scan or scan.mean)."""
+    warnings = ("" if " is usually " in text else text for text in scenario.warnings)
+    return replace(scenario, warnings=tuple(warnings))
 
 
 # Anything at all.
