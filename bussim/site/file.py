@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from operator import gt, le
 from pathlib import Path
 from typing import Any
 
@@ -272,14 +271,11 @@ class _Reader:
             self.report.error(
                 ("ladder", "rises"), f"has {len(rises)} counts for {len(thresholds)} thresholds"
             )
-        checks: tuple[tuple[str, Sequence[float], Callable[[float, float], bool], str], ...] = (
-            ("thresholds_ms", thresholds, le, "not above"),
-            ("rises", rises, gt, "above"),
-        )
-        for key, values, wrong, word in checks:
-            for index, (one, two) in enumerate(pairwise(values), 1):
-                if wrong(two, one):
-                    self.report.error(("ladder", key, index), f"is {two:g}, {word} the {one:g} before it")
+        for index, (one, two) in enumerate(pairwise(thresholds), 1):
+            if two <= one:
+                self.report.error(
+                    ("ladder", "thresholds_ms", index), f"is {two:g}, not above the {one:g} before it"
+                )
 
     # -- a calibration -----------------------------------------------------------------------------
 

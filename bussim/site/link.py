@@ -13,7 +13,7 @@ from typing import Any
 
 from bussim.exact.from_scenario import from_scenario
 from bussim.exact.link import LineNoise, LinkModel, NoiseSource
-from bussim.exact.scan.memoryless import AttemptProbabilities, probabilities_of
+from bussim.exact.scan.memoryless import AttemptProbabilities, fails_of, probabilities_of
 from bussim.exact.scan.mixture import Distribution
 from bussim.exact.solve import Solved
 from bussim.plc.profiles import Attempts
@@ -28,18 +28,23 @@ BUS = "link"
 
 @dataclass(frozen=True, slots=True)
 class SteadyNoise:
-    """Noise without memory: bit error rates on the wire and in receivers, shares of replies that are lost.
+    """Noise without memory: bit error rates by place, and shares of replies that are lost.
 
     The keys of the mappings are station numbers, the master's 0.
     """
 
     wire: float = 0.0
     receivers: Mapping[int, float] = field(default_factory=dict)
+    senders: Mapping[int, float] = field(default_factory=dict)
     lost: Mapping[int, float] = field(default_factory=dict)
 
     def applied(self, model: LinkModel) -> LinkModel:
         """The solver's link with it."""
-        parts = (("bus", None, self.wire), *(("rx", number, ber) for number, ber in self.receivers.items()))
+        sides = (("rx", self.receivers), ("tx", self.senders))
+        parts = [
+            ("bus", None, self.wire),
+            *((side, k, ber) for side, each in sides for k, ber in each.items()),
+        ]
         sources = tuple(NoiseSource(part, number, ber) for part, number, ber in parts if ber > 0)
         stations = tuple(replace(s, loss=self.lost.get(s.number, 0.0)) for s in model.stations)
         return replace(model, noise=LineNoise(sources), stations=stations)
@@ -47,10 +52,14 @@ class SteadyNoise:
     def entries(self, names: Sequence[str]) -> list[dict[str, object]]:
         """The entries of a scenario's ``noise``; ``names`` are its PLCs by station number."""
         found: list[dict[str, object]] = [{"bus": BUS, "ber": self.wire}] if self.wire > 0 else []
-        for key, by_station in (("ber", self.receivers), ("reply_loss", self.lost)):
-            extra = {"direction": "rx"} if key == "ber" else {}
+        kinds: tuple[tuple[dict[str, object], str, Mapping[int, float]], ...] = (
+            ({"direction": "rx"}, "ber", self.receivers),
+            ({"direction": "tx"}, "ber", self.senders),
+            ({}, "reply_loss", self.lost),
+        )
+        for side, key, by_station in kinds:
             found += [
-                {"bus": BUS, "station": names[number], **extra, key: value}
+                {"bus": BUS, "station": names[number], **side, key: value}
                 for number, value in sorted(by_station.items())
                 if value > 0
             ]
@@ -216,12 +225,6 @@ class SiteLink:
         return Solved(model).distribution if model.valid else None
 
     def station_errors(self, p: float) -> float:
-        """What the master counts about a slave whose attempts fail with p, per scan (all four policies).
-
-        With ``probe`` and ``per_scan`` a flagged station has one attempt, with ``on_edge`` only losses count.
-        """
-        model, fails = self.model, p**self.n
-        if model.absent.probes:
-            flagged = fails / (1 - p + fails) if p < 1 else 1.0
-            return fails * (1 - flagged) if model.error_count.on_edge else flagged
-        return fails * (1 - fails) if model.error_count.on_edge else fails
+        """What the master counts about a slave whose attempts fail with p, per scan, by its policies."""
+        fails = fails_of(AttemptProbabilities(1 - p, p, 0.0), self.n, self.model.absent)
+        return fails.onset if self.model.error_count.on_edge else fails.error

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from math import ceil
+
 from rich.console import Console
 from rich.text import Text
 
+from bussim.commands.common.console import plain_table
+from bussim.plc.profiles import Attempts
 from bussim.site.diagnosis.causes import MEANINGS
 from bussim.site.diagnosis.diagnose import Diagnosis
+from bussim.site.noise.picture import Picture
+from bussim.site.noise.sizing import sizes
+from bussim.site.plan import EVENTS, Watch, expected_failures
 from bussim.site.readout import Readout
 
 #: Causes whose evidence is printed.
@@ -38,3 +46,62 @@ def show_diagnosis(console: Console, readout: Readout, found: Diagnosis) -> None
         _line(console, f"next: {text}")
     for note in readout.notes:
         _line(console, f"note: {note}")
+
+
+def show_picture(
+    console: Console, readout: Readout, found: Picture, meaning: Attempts | None, *, mend_first: bool
+) -> None:
+    """Print how much noise there is, where, what it rests on, and what ``bussim size`` makes of it."""
+    measured, link = found.measured, found.link
+    read_as = "" if meaning is None else f", if D8179 means {meaning} (the calibration left it open)"
+    _line(console, f"how much noise, and where{read_as}", 0, "bold")
+    if mend_first:
+        _line(console, "mend the cause above first: what follows counts its failures too")
+    least, _, most = measured.scans
+    _line(console, f"link scans watched: {least:,.0f} to {most:,.0f}")
+    table = plain_table(("station", "limited by"), ("attempts that fail", "95 % interval"))
+    for k, fails in found.fails.items():
+        named = readout.at(k)
+        value = f"{fails.value:.2g}" if fails.value else ""
+        label = named.label if named is not None else f"station {k}"
+        table.add_row(label, fails.lens, value, f"{fails.low:.2g} … {fails.high:.2g}")
+    console.print(table)
+    table = plain_table(("lens", "reading", "tells", "rests on"), ("value", "95 % interval"))
+    for lens in measured.lenses:
+        value = f"{lens.value:.2g}" if lens.count else ""
+        limits = f"{lens.low:.2g} … {lens.high:.2g}" if lens.count else f"below {lens.high:.2g}"
+        table.add_row(lens.name, lens.reading, lens.tells, lens.rests_on, value, limits)
+    console.print(table)
+    for text in found.unexplained:
+        _line(console, f"unexplained: {text}")
+    _line(console, f"bursts: {found.bursts}")
+    _line(console, "noise:")
+    for entry in found.entries():
+        _line(console, f"- {flow(entry)}", 4)
+    for entry in found.upper.entries(link.names):
+        _line(console, f"# at most: {flow(entry)}", 4)
+    for text in found.unknown:
+        _line(console, f"# not known: {text}", 4)
+    chosen = sizes(found)
+    _line(console, f"bussim size by these values: {chosen['likeliest'].in_words()}")
+    _line(console, f"bussim size by the upper limits: {chosen['upper_limits'].in_words()}")
+
+
+def show_plan(console: Console, found: Picture, watches: list[Watch]) -> None:
+    """Print how long to watch with which reading, and the ladder's thresholds."""
+    p, limit = expected_failures(found)
+    guess = f"{'the upper limit' if limit else 'the value'} {p:.2g} of failed attempts"
+    _line(console, f"how long for {EVENTS} events, by {guess}", 0, "bold")
+    for watch in watches:
+        _line(console, watch.in_words())
+    a, b, c = (ceil(each) for each in found.link.thresholds())
+    _line(console, f"the ladder's thresholds: {a}, {b}, {c} (least D8201 that counts)")
+
+
+def flow(entry: Mapping[str, object]) -> str:
+    """An entry of a scenario on one line."""
+    values = (
+        f"{key}: {value:.3g}" if isinstance(value, float) else f"{key}: {value}"
+        for key, value in entry.items()
+    )
+    return "{" + ", ".join(values) + "}"

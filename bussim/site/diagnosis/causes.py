@@ -28,6 +28,15 @@ class Cause(StrEnum):
     HEALTHY = "healthy"
 
 
+#: Causes to mend before counts tell of noise.
+BROKEN = (
+    Cause.STATION_OFF,
+    Cause.CABLE_CUT,
+    Cause.WRONG_FORMAT,
+    Cause.NUMBER_TWICE,
+    Cause.TWO_MASTERS,
+    Cause.SLOW_REPLY,
+)
 #: What each is, in words; ``{at}`` is the station.
 MEANINGS = {
     Cause.STATION_OFF: "{at} is off or in STOP",

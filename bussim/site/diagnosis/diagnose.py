@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from bussim.site.diagnosis.causes import CLOSE, Finding, Tally, separating
+from bussim.site.diagnosis.causes import BROKEN, CLOSE, Finding, Tally, separating
 from bussim.site.diagnosis.noise_rules import noise_rules
 from bussim.site.diagnosis.station_rules import station_rules
 from bussim.site.diagnosis.witness import Witness
@@ -24,6 +24,11 @@ class Diagnosis:
     def close(self) -> tuple[Finding, ...]:
         """Those that these readings cannot tell from the first."""
         return tuple(one for one in self.causes[1:] if self.causes[0].score - one.score < CLOSE)
+
+    @property
+    def broken(self) -> bool:
+        """Whether the first cause is one to mend before noise can be told."""
+        return bool(self.causes) and self.causes[0].cause in BROKEN
 
     def to_json(self) -> dict[str, Any]:
         """The diagnosis as plain data."""

@@ -8,8 +8,8 @@ from statistics import median
 from bussim.engines.nn import codes
 from bussim.site.diagnosis.causes import Cause, Tally
 from bussim.site.diagnosis.witness import START, Witness
-from bussim.site.lenses.intervals import root
 from bussim.site.link import SteadyNoise
+from bussim.site.noise.lenses import root
 
 #: A reading this unlikely under steady noise is one of bursts.
 _UNLIKELY = 1e-2

@@ -53,7 +53,8 @@ def _masters(w: Witness, tally: Tally) -> None:
 
 
 def _numbers(w: Witness, tally: Tally) -> None:
-    """Two stations with one number do not count about it."""
+    """Two stations with one number do not count about it; a second master takes a number away, too."""
+    masters = any(tally.score(*key) >= 8 for key in list(tally.points) if key[0] is Cause.TWO_MASTERS)
     for station in w.heard:
         entries = own_entries(station)
         if not entries or tally.score(Cause.TWO_MASTERS, station.supposed):
@@ -61,7 +62,7 @@ def _numbers(w: Witness, tally: Tally) -> None:
         told = {k: max(w.by_slaves(k).values(), default=0) for k in w.numbers if not station.count(k)}
         k = max(told, key=lambda one: told[one], default=station.supposed)
         why = f"{station.label} counts about its own number ({entries[0]}), so it has another one"
-        tally.add(Cause.NUMBER_TWICE, k, 11, why)
+        tally.add(Cause.NUMBER_TWICE, k, 4 if masters else 11, why)
         if k in told and told[k] > START:
             why = f"{station.place} counts nothing about station {k}, others up to {told[k]}"
             tally.add(Cause.NUMBER_TWICE, k, 3, why)

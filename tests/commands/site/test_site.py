@@ -40,6 +40,19 @@ def test_json_has_the_causes_in_order(tmp_path: Path, capsys: pytest.CaptureFixt
         (one["score"] for one in found["causes"]), reverse=True
     )
     assert found["next"]
+    assert {*found["stations"]["1"]["attempt_fails"]} == {"value", "low", "high", "lens"}
+    assert found["bursts"] == "cannot tell"
+    assert found["noise"] == [{"bus": "link", "ber": found["noise"][0]["ber"]}]
+    assert found["size"]["likeliest"]["setting"]["D8180"] == 5
+
+
+def test_a_plan_names_the_least_disturbing_reading_first(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["site", written(tmp_path), "--plan"]) == 0
+    said = capsys.readouterr().out.partition("how long for 15 events")[2]
+    assert said.index("D8203 of the slaves: ") < said.index("the ladder: ") < said.index("at D8179 = 0: ")
+    assert "the ladder's thresholds: 70, 101, 125" in said
 
 
 def test_what_is_wrong_with_the_file_is_said_without_a_traceback(

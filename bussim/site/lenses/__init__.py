@@ -1,1 +1,0 @@
-"""How much noise there is, and where: each reading with what it tells."""

@@ -1,0 +1,1 @@
+"""How much noise a link has, and where: each reading with what it tells."""

@@ -1,0 +1,220 @@
+"""The lenses read together: how much noise, of what kind, where, and what is not known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import log
+from typing import Any
+
+from bussim.engines.nn import codes
+from bussim.site.link import SiteLink, SteadyNoise
+from bussim.site.noise.lenses import Lens, Measured, measure
+from bussim.site.readout import Readout
+
+#: A reading this unlikely without bursts, or without another cause, is one of them.
+_UNLIKELY = 1e-3
+#: Fewer failing scans than this tell nothing of bursts.
+_FEW = 20
+
+
+@dataclass(frozen=True, slots=True)
+class Fails:
+    """The probability that an attempt at a station fails, for any cause, and the lens that limits it."""
+
+    value: float
+    low: float
+    high: float
+    lens: str
+
+    def to_json(self) -> dict[str, Any]:
+        """The estimate as plain data."""
+        return {"value": self.value, "low": self.low, "high": self.high, "lens": self.lens}
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """What a readout says of a link's noise.
+
+    ``noise`` are the likeliest values, ``upper`` the upper limits; ``bursts`` is "seen", "not seen" or
+    "cannot tell".
+    """
+
+    measured: Measured
+    fails: Mapping[int, Fails]
+    bursts: str
+    noise: SteadyNoise
+    upper: SteadyNoise
+    unexplained: tuple[str, ...]
+    unknown: tuple[str, ...]
+
+    @property
+    def link(self) -> SiteLink:
+        """The link that it is of."""
+        return self.measured.link
+
+    def entries(self) -> list[dict[str, object]]:
+        """The noise as a scenario has it; of bursts none, as their lengths are not known."""
+        return [] if self.bursts == "seen" else self.noise.entries(self.link.names)
+
+    def to_json(self) -> dict[str, Any]:
+        """The picture as plain data."""
+        lenses = [
+            {"name": x.name, "station": x.station, "reading": x.reading, "tells": x.tells, "value": x.value}
+            | {"low": x.low, "high": x.high, "rests_on": x.rests_on}
+            for x in self.measured.lenses
+        ]
+        return {
+            "scans": dict(zip(("least", "likeliest", "most"), self.measured.scans, strict=True)),
+            "stations": {str(k): {"attempt_fails": fails.to_json()} for k, fails in self.fails.items()},
+            "bursts": self.bursts,
+            "noise": self.entries(),
+            "noise_upper_limits": self.upper.entries(self.link.names),
+            "lenses": lenses,
+            "unexplained": list(self.unexplained),
+            "not_known": list(self.unknown),
+        }
+
+
+def picture(readout: Readout, link: SiteLink) -> Picture:
+    """Read all lenses of a readout together."""
+    found = measure(readout, link)
+    wire = min(
+        (_wire(found, lens) for lens in found.named("S")), key=lambda one: one[2], default=(0.0, 0.0, 0.0)
+    )
+    own = {int(lens.station or 0): lens for lens in found.named("L")}
+    value = SteadyNoise(wire[0], {j: lens.value for j, lens in own.items() if lens.count})
+    least = link.attempt(SteadyNoise(wire[1], {j: lens.low for j, lens in own.items() if lens.count}))
+    middle = link.attempt(value)
+    most = link.attempt(SteadyNoise(wire[2], {j: lens.high for j, lens in own.items() if lens.count}))
+    numbers = range(1, link.settings.slaves + 1)
+    fails = {k: _fails(found, k, [each.failed for each in least], middle[k - 1].failed) for k in numbers}
+    bursts = _bursts(readout, found)
+    unexplained = []
+    senders, lost = {}, {}
+    for k in numbers:
+        lens = found.of("M", k)
+        if lens is None or not lens.count or lens.low <= most[k - 1].failed:
+            continue
+        excess = 1 - (1 - lens.value) / (1 - middle[k - 1].failed)
+        if _silent(readout, found, k):
+            lost[k] = excess
+        else:
+            senders[k] = 1 - (1 - excess) ** (1 / link.data_bits)
+        chance = _at_least(lens.count, found.scans[2] * link.station_errors(most[k - 1].failed))
+        kind = "lost or missing" if k in lost else "damaged where slaves do not tell"
+        unexplained.append(
+            f"{lens.reading}: with {chance:.1g} by the damage that slaves count; replies are {kind}"
+        )
+    unexplained += _ladder_beyond(found, [each.failed for each in most])
+    noise = SteadyNoise(value.wire, value.receivers, senders, lost)
+    rest = {k: 1 - (1 - each.high) / (1 - most[k - 1].failed) for k, each in fails.items()}
+    limits = {j: lens.high for j, lens in own.items() if lens.count}
+    upper = SteadyNoise(
+        wire[2], limits, {}, {k: min(0.99, share) for k, share in rest.items() if share > 1e-9}
+    )
+    return Picture(
+        found, fails, bursts, noise, upper, tuple(unexplained), tuple(_unknown(readout, found, bursts))
+    )
+
+
+def _wire(found: Measured, lens: Lens) -> tuple[float, float, float]:
+    """What a slave's count leaves for the wire: all but what only its own receiver misses."""
+    own = found.of("L", lens.station)
+    if own is None or not own.count:
+        return lens.value, lens.low, lens.high
+    return max(0.0, lens.value - own.value), max(0.0, lens.low - own.high), lens.high
+
+
+def _fails(found: Measured, k: int, least: list[float], middle: float) -> Fails:
+    """The probability of a failed attempt: at least the damage that slaves tell, at most any cause's."""
+    lens, ladder = found.of("M", k), found.of("E", None)
+    if lens is not None and lens.count:
+        low = max(lens.low, least[k - 1])
+        return Fails(max(lens.value, low), low, max(lens.high, low), "M")
+    limits = {"M": lens.high} if lens is not None else {}
+    if bounds := found.named("X"):
+        # At one station alone, the same longest scan leaves so much more.
+        limits["X"] = max(bound.high for bound in bounds) * found.link.settings.slaves
+    if ladder is not None:
+        others = sum(each for j, each in enumerate(least, 1) if j != k)
+        limits["E"] = max(0.0, -log(1 - ladder.high) - others)
+    name = min(limits, key=lambda one: limits[one], default="")
+    high = max(limits.get(name, 1.0), least[k - 1])
+    return Fails(min(middle, high), min(least[k - 1], high), high, f"S and {name}" if middle else name)
+
+
+def _silent(readout: Readout, found: Measured, k: int) -> bool:
+    """Whether failed attempts at a station are silence rather than damage: by the codes, then the ladder."""
+    told = [station.code(k) for station in readout.stations if station.supposed != k]
+    silent = sum(code in (codes.NO_REPLY, codes.NOT_IN_NETWORK) for code in told)
+    damaged = sum(code == codes.DAMAGED for code in told)
+    share = found.of("T", None)
+    return silent > damaged if silent != damaged else share is not None and share.value > 0.5
+
+
+def _at_least(count: int, expected: float) -> float:
+    """P(so many events or more) of a Poisson number."""
+    from scipy.special import gammainc
+
+    return float(gammainc(count, expected)) if count else 1.0
+
+
+def _bursts(readout: Readout, found: Measured) -> str:
+    """Whether failed attempts come together: scans with more than one, against those with one."""
+    ladder, lens = readout.ladder, found.of("E", None)
+    if ladder is None or lens is None or len(ladder.rises) < 3:
+        return "cannot tell"
+    # All failures at one station would come together most often of what has no memory.
+    expected = found.scans[2] * lens.high**2
+    if ladder.rises[2] and _at_least(ladder.rises[2], expected) < _UNLIKELY:
+        return "seen"
+    return "not seen" if ladder.rises[0] >= _FEW else "cannot tell"
+
+
+def _ladder_beyond(found: Measured, most: list[float]) -> list[str]:
+    """What the ladder counts beyond the damage that slaves tell."""
+    lens, share = found.of("E", None), found.of("T", None)
+    if lens is None or share is None:
+        return []
+    texts = []
+    by_damage = -sum(log(1 - p) for p in most)
+    if -log(1 - lens.low) > by_damage and found.named("S"):
+        texts.append(
+            f"{lens.reading}: at least {lens.low:.2g} of the scans, by damage at slaves "
+            f"{by_damage:.2g} at most; replies are lost, or damaged at the master or by a slave's driver"
+        )
+    base = 60 / (50 + found.link.data_bits)
+    if share.low > base:
+        texts.append(
+            f"{share.value:.0%} of the failed attempts are silent, of damage {base:.0%}: replies are lost"
+        )
+    return texts
+
+
+def _unknown(readout: Readout, found: Measured, bursts: str) -> list[str]:
+    """What these readings cannot tell, each with the reading that would."""
+    link, master = found.link, readout.at(0)
+    texts = []
+    if not found.named("S"):
+        texts.append(
+            "lost or damaged, and where: no slave was read (D8203 tells of the wire, others of receivers)"
+        )
+    if master is None or not master.read:
+        texts.append("which station fails: the master was not read; its D8204 on tell that")
+    if link.n > 1 and readout.ladder is None and not any(lens.count for lens in found.named("M")):
+        texts.append(
+            f"failed attempts that {link.n - 1} repeats hide: the ladder counts them (--plan: how long)"
+        )
+    if bursts == "cannot tell":
+        texts.append("bursts: only the ladder's third threshold tells them from steady noise")
+    if bursts == "seen":
+        texts.append("how long bursts last: shares are known, lengths are not; bussim sniff measures them")
+    if readout.ladder is not None and master is not None and (master.plc_scan or 0) >= link.healthy:
+        texts.append(
+            "all failing scans: the master's PLC scan is longer than the link's, so the ladder misses some"
+        )
+    if not any(station.before for station in readout.stations):
+        texts.append("what the start left: up to 2 counts of a station and the longest scans may be of it")
+    texts.append("noise in the master's receiver and of a slave's driver apart: slaves do not tell them")
+    return texts
