@@ -65,12 +65,13 @@ class Channels:
             for each in readings
             if each.score.recognised and (each.setup[:2], each.protocol) == (setup[:2], protocol)
         ]
-        if len(alike) < 2 or protocol is None:
+        said = len(settings.channels) > 1
+        parts = list(settings.channels) if said else [each.setup.channels[0] for each in alike]
+        if len(parts) < 2 or protocol is None:
             return best
-        parts = [each.setup.channels[0] for each in alike]
         # Where one channel has both directions, others repeat a part of it, or are what its nodes drive: of
         # two that send at once more is sound on these than on the line.
-        if len(settings.channels) < 2:
+        if not said:
             lines = [
                 name for name in names if self._has_all(name, parts, self._source.rate / setup.timing.baud)
             ]
@@ -81,7 +82,7 @@ class Channels:
             if whole:
                 return max(whole, key=lambda each: (each.score.responses, each.score.rank))
         alone, together = self._together(setup, protocol, [setup.channels[0], *parts])
-        several = len(settings.channels) > 1 or together.score.responses > _FAR_MORE * alone.score.responses
+        several = said or together.score.responses > _FAR_MORE * alone.score.responses
         return together if several else best
 
     def _has_all(self, name: str, parts: Sequence[str], bit: float) -> bool:
@@ -100,7 +101,7 @@ class Channels:
     def _together(self, setup: LineSetup, protocol: LineProtocol, names: list[str]) -> list[Reading]:
         """The readings of the first channel and of all others as one line, of what was surveyed of all."""
         every = [self._chars(name, setup) for name in names]
-        until = min(chars[-1][2] for chars in every)
+        until = min(chars[-1][2] for chars in every if chars)
         every = [list(takewhile(lambda char: char[2] <= until, chars)) for chars in every]
         return [
             read(merged(chars), setup._replace(channels=channels), protocol, _ALL, wires=len(chars))[0]
@@ -172,6 +173,7 @@ class Channels:
     def likeliest(self, settings: Settings) -> LineSetup | None:
         """How the channel with the most edges is read where no protocol is recognised.
 
+        Others of its rate and polarity are read with it, one a direction, unless it has the edges of all.
         None: there is none, or its samples are too few for a line of that rate. Of formats with hardly a
         wrong bit one with parity is likelier: by chance a line does not have it.
         """
@@ -190,7 +192,12 @@ class Channels:
             setup = settings.setup(LineTiming(baud, form), (name,), inverted=bool(inverted))
             share, _ = self._wrong(name, setup)
             likely.setdefault((share > _FEW_WRONG, form.parity == "N", share), setup)
-        return likely[min(likely)]
+        alike = [each for each in names if (found := self._measured[each]) and found[:3] == measured[:3]]
+        if len(settings.channels) > 1:
+            alike = list(settings.channels)
+        elif self._has_all(name, alike, self._source.rate / baud):
+            alike = [name]
+        return likely[min(likely)]._replace(channels=tuple(alike))
 
     def _wrong(self, name: str, setup: LineSetup) -> tuple[float, list[Timed]]:
         """The share of characters with a wrong bit, and the characters."""

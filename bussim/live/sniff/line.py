@@ -31,8 +31,8 @@ _EXAMINED, _AT_MOST = 8_000, 200_000
 class FoundLine:
     """The line of a recording. ``suggested`` is another reading that fits far better than what was said.
 
-    Where nothing was recognised ``described`` says of every channel what is known, and ``likely`` is how the
-    line of a session is read then.
+    Where nothing was recognised ``described`` says of every channel what is known. ``likely`` is how the line
+    of a session is read then, and where nothing replies.
     """
 
     reading: Reading
@@ -69,13 +69,14 @@ def find_line(source: Source, settings: Settings, tolerance: int) -> FoundLine:
         best = Reading(best.setup, best.protocol, best.score._replace(echo=True))
     warnings = dict(_warnings(source, settings, best, suggested))
     described: list[dict[str, Any]] = []
-    likely = None
     if not best.score.recognised and suggested is None:
         warnings["not_recognised"] = "no protocol is recognised in it"
         described = channels.described() if channels is not None else [_begins(source, best)]
-        likely = channels.likeliest(settings) if channels is not None else None
     elif channels is not None and not settings.baud and best.setup.timing.baud not in STANDARD:
         warnings["rate"] = f"{best.setup.timing.baud} bps is not a standard rate"
+    # Polls may be sound in another layout, too: their replies are not.
+    unknown = not best.score.recognised or (best.protocol is LineProtocol.NN and not best.score.responses)
+    likely = channels.likeliest(settings) if channels is not None and unknown else None
     return FoundLine(best, suggested, described, likely, warnings)
 
 

@@ -203,6 +203,29 @@ def test_a_session_of_another_layout_is_read_at_its_own_rate_and_format(
     assert found["layout"]["sound"] == truth.frames
 
 
+@pytest.mark.parametrize("options", [(), ("--channel", "TX,RX")], ids=["found", "said"])
+@pytest.mark.parametrize("name", quick(1, ["sum without end character", "other headers, ends with CR LF"]))
+def test_another_layout_on_two_channels_is_one_line(
+    name: str, options: tuple[str, ...], tmp_path: Path
+) -> None:
+    """Of the first one the polls alone are sound by the assumed layout."""
+    made, serial = ALTERED[name], Serial(38400, 7, "E", 1)
+    truth = recorded(made, slaves=2, size=8, seconds=1)
+    polls = {made.poll(station, scan) for station in (1, 2) for scan in range(256)}
+    of_master, before = [], b""
+    for _, chars in truth.rows:
+        of_master.append(chars in polls or before not in polls)
+        before = chars
+    sent = [Sent(at - serial.lasts(len(chars)), chars) for at, chars in truth.rows]
+    wires = [[each for each, own in zip(sent, of_master, strict=True) if own is one] for one in (True, False)]
+    levels = {name: wave(wire, serial, 400_000) for name, wire in zip(("TX", "RX"), wires, strict=True)}
+    found = sniffed(sigrok(tmp_path / "line.sr", 400_000, levels), *options)
+    assert found["channels"] == ["TX", "RX"]
+    assert found["link"]["slaves"] == 2
+    assert found["link"]["scan_time_ms"]["mean"] == pytest.approx(truth.mean_scan, abs=0.1)
+    assert (found["layout"]["fits"], found["layout"]["sound"]) == (False, truth.frames)
+
+
 def test_a_line_whose_replies_alone_are_damaged_has_the_layout_of_its_master(tmp_path: Path) -> None:
     sent = [
         each._replace(chars=each.chars[:5] + b"\x00" + each.chars[6:]) if each.wire else each
