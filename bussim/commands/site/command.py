@@ -7,29 +7,55 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bussim.commands.common.output import print_json
+from bussim.commands.common.output import checked_target, print_json, write_text
 from bussim.errors import UsageError
 
 if TYPE_CHECKING:
-    from bussim.site.readout import Readout
+    from bussim.site.readout import Calibration, Readout
 
 
 @click.command()
 @click.argument("file", metavar="FILE")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 @click.option("--plan", "planned", is_flag=True, help="Say how long to watch with which reading.")
-def command(file: str, *, as_json: bool, planned: bool) -> None:
+@click.option("-o", "out", metavar="FILE", help="Of a calibration: where to write the profile.")
+@click.option("--force", is_flag=True, help="Replace the profile of -o.")
+def command(file: str, *, as_json: bool, planned: bool, out: str | None, force: bool) -> None:
     """Find what is wrong with a link, how much noise it has, and what to set.
 
-    FILE is a readout of its stations' registers.
+    FILE is a readout of its stations' registers, or a calibration: experiments at a machine at rest that
+    decide its profile.
     """
     from bussim.site.file import load
     from bussim.site.readout import Readout
 
     noted = load(Path(file))
-    if not isinstance(noted, Readout):
-        raise UsageError(f"{file} is a calibration, which is not worked out")
-    _readout(noted, as_json=as_json, planned=planned)
+    if isinstance(noted, Readout):
+        if out is not None:
+            raise UsageError(f"-o is for the profile of a calibration; {file} is a readout")
+        _readout(noted, as_json=as_json, planned=planned)
+        return
+    if planned:
+        raise UsageError(f"--plan is for a readout; {file} is a calibration")
+    target = None if out is None else checked_target(Path(out), (".yaml", ".yml"), force=force)
+    _calibration(noted, target, as_json=as_json)
+
+
+def _calibration(noted: Calibration, target: Path | None, *, as_json: bool) -> None:
+    from bussim.commands.common.console import wide_console
+    from bussim.commands.site.show import show_calibration
+    from bussim.scenario.yaml.dump import dumped
+    from bussim.site.calibration import calibrate
+
+    found = calibrate(noted)
+    text = "" if found.unexplained else dumped(found.profile(noted.profile.form))
+    if as_json:
+        print_json({"schema": 1, "kind": "calibration", **found.to_json()})
+    else:
+        show_calibration(wide_console(), found, text)
+    if target is not None and text:
+        write_text(target, "# By bussim site, of a calibration; what is open has the assumed value.\n" + text)
+        click.echo(f"profile: {target}", err=as_json)
 
 
 def _readout(noted: Readout, *, as_json: bool, planned: bool) -> None:

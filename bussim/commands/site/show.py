@@ -10,6 +10,7 @@ from rich.text import Text
 
 from bussim.commands.common.console import plain_table
 from bussim.plc.profiles import Attempts
+from bussim.site.calibration import Found
 from bussim.site.diagnosis.causes import MEANINGS
 from bussim.site.diagnosis.diagnose import Diagnosis
 from bussim.site.noise.picture import Picture
@@ -96,6 +97,22 @@ def show_plan(console: Console, found: Picture, watches: list[Watch]) -> None:
         _line(console, watch.in_words())
     a, b, c = (ceil(each) for each in found.link.thresholds())
     _line(console, f"the ladder's thresholds: {a}, {b}, {c} (least D8201 that counts)")
+
+
+def show_calibration(console: Console, found: Found, profile: str) -> None:
+    """Print what experiments decide of a profile, what they leave open, and what no rule explains."""
+    _line(console, "what the experiments decide", 0, "bold")
+    for name, decided in found.fields.items():
+        _line(console, f"{name}: {decided}")
+    for name, (value, low, high) in found.times.items():
+        _line(console, f"{name}: {value:.2f} ms, by the rounding {low:.2f} to {high:.2f} ms")
+    for name, why in found.open.items():
+        _line(console, f"open: {name} ({why}); the profile keeps what is assumed")
+    for text in found.unexplained:
+        _line(console, f"the model is wrong here: {text}", style="bold")
+    _line(console, "no profile is written of this" if found.unexplained else "the profile:")
+    for text in profile.splitlines():
+        _line(console, text, 4)
 
 
 def flow(entry: Mapping[str, object]) -> str:

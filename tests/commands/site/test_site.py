@@ -94,3 +94,37 @@ def test_the_readout_of_a_run_is_read_again(
     assert main([*run, "--readout", "paper.yaml"]) == 2
     assert "paper.yaml exists" in capsys.readouterr().err
     assert main(["run", "--as-seen"]) == 2
+
+
+CALIBRATION = """schema: 1
+kind: calibration
+profile: pw10
+settings: {slaves: 3, mode: 2}
+experiments:
+  - {name: all, retries: 3, timeout: 100 ms, slaves: 3, D8201: [67, 66, 67]}
+  - {name: off_3_100, retries: 3, timeout: 100 ms, slaves: 3, D8201: 461, cut: {number: 2, times: 3, last_for: 60 s}, D8205: 140}
+"""
+
+
+def test_a_calibration_writes_a_profile_that_a_readout_takes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("calibration.yaml").write_text(CALIBRATION, encoding="utf-8")
+    assert main(["site", "calibration.yaml", "-o", "ours.yaml", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["fields"] == {
+        "attempts": "retries+1", "absent_station": "full", "error_count": "per_scan", "reply": None, "link_scan_unit": "1 ms",
+    }  # fmt: skip
+    assert found["times_ms"]["master_gap"] == {"value": None, "low": None, "high": None}
+    assert {text.partition(":")[0] for text in found["open"]} == {
+        "reply",
+        "master_gap",
+        "turnaround",
+        "scan_overhead",
+    }
+    Path("readout.yaml").write_text(dumped(healthy() | {"profile": "ours.yaml"}), encoding="utf-8")
+    assert main(["site", "readout.yaml"]) == 0
+    assert main(["site", "ours.yaml"]) == 2
+    assert main(["site", "calibration.yaml", "--plan"]) == 2
+    assert main(["site", "readout.yaml", "-o", "x.yaml"]) == 2
