@@ -11,8 +11,7 @@ from bussim.errors import UsageError
 from bussim.line.characters import LineTiming
 from bussim.line.protocols import BusProtocol
 from bussim.plc.link_registers import D_STATION
-from bussim.plc.memory import Memory, parse_device
-from bussim.plc.ports.cpavl import COM2_STATION, BadSettings, PortSettings, read_settings
+from bussim.plc.ports.cpavl import BadSettings, PortSettings, configured
 from bussim.scenario import model
 from bussim.wording import suggest
 
@@ -79,13 +78,9 @@ def serve_targets(scenario: model.Scenario) -> tuple[ServeTarget, ...]:
 
 
 def _port(plc: model.Plc, port: str, bus: model.Bus) -> ServeTarget:
-    memory = Memory()
-    memory.set(COM2_STATION, plc.profile.com2_station)
-    for name, value in plc.registers.items():
-        memory.set(parse_device(name), value)
     spec = next(spec for spec in plc.ports if spec.name == port)
     node = f"{plc.name}.{port}"
-    settings = read_settings(port, memory, spec.words)
+    settings = configured(port, spec.words, plc.registers, plc.profile.com2_station)
     if isinstance(settings, BadSettings):
         return ServeTarget(node, bus.name, bus.protocol, "silent", bus.timing, None, settings.text)
     what = _WORDS.get(settings.protocol or "")

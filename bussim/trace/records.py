@@ -94,7 +94,7 @@ class TransactionRecord(NamedTuple):
     error: int | None  # yy of D8063 = 7xyy; None where it is ok
     exception: int  # exception code, 0 for none
     served: int | None  # when the slave read its values, where the response belongs to this request
-    mismatched: bool  # the response belongs to another request (RTU carries no transaction number)
+    mismatched: bool  # it took the response to another request (RTU carries no transaction number)
     chars: int  # characters of the request and the response
 
 

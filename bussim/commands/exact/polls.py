@@ -39,11 +39,16 @@ def _rows(figures: PollFigures) -> list[tuple[str, str]]:
     if figures.cycle is not None:
         mean = f", mean {ms_cell(figures.mean)}" if figures.mean is not None else ""
         rows.append(("poll cycle", f"{_span(figures.cycle)} ms without errors{mean}"))
+        if (figures.first or 0) > figures.cycle.most:
+            rows.append(("  the first one", f"up to {ms_cell(figures.first)} ms"))
     if figures.worst is not None:
-        rows.append(("  at worst", f"{ms_cell(figures.worst)} ms (every attempt of every poll spent)"))
+        more = "" if figures.disturbed == figures.worst else f", {ms_cell(figures.disturbed)} ms if "
+        more += "something else arrives at the end of each timeout" if more else ""
+        text = f"{ms_cell(figures.worst)} ms (every attempt of every poll spent without a response{more})"
+        rows.append(("  at worst", text))
     if figures.command is not None and figures.worst_command is not None:
         text = f"up to {ms_cell(figures.command)} ms, at worst {ms_cell(figures.worst_command)} ms"
-        rows.append(("  with a command", f"{text} more"))
+        rows.append(("  with all commands", f"{text} more"))
     if figures.load is not None:
         rows.append(("bus load", f"{percent(figures.load)} by these polls"))
     return rows

@@ -2,7 +2,8 @@
 
 A list deals its turns out one at a time, of the polls that are due the one after the latest in the list's
 order (:class:`~bussim.engines.modbus.polls.PollList`). A poll that is due therefore waits for at most one
-turn of each other poll. A cycle is over when every poll without ``times`` had a turn.
+turn of each other poll, commands (polls with ``times``) among them. A cycle is over when every poll without
+``times`` had a turn.
 """
 
 from __future__ import annotations
@@ -28,48 +29,60 @@ class Cost:
         turn = master_timing.turn(self.need)
         return Span(turn.least * self.fewest, turn.most * self.attempts)
 
-    def alone(self, master_timing: MasterTiming) -> Span:
-        """The same as a bound for any neighbours: what was the next one's gap may be its own."""
-        return (master_timing.taken(self.need) + master_timing.gap()).times(self.attempts)
+    def taken(self, master_timing: MasterTiming) -> Span:
+        """From the poll's request to the taking over of its last attempt."""
+        taken, again = master_timing.taken(self.need), master_timing.turn(self.need)
+        return Span(
+            taken.least + (self.fewest - 1) * again.least, taken.most + (self.attempts - 1) * again.most
+        )
 
     def own(self, master_timing: MasterTiming) -> int:
         """The least time from the beginning of its turn to the end."""
-        return (
-            master_timing.entry.least
-            + self.fewest * master_timing.taken(self.need).least
-            + (self.fewest - 1) * master_timing.gap().least
-        )
+        return master_timing.entry.least + self.taken(master_timing).least
+
+
+def without_errors(poll: PollModel) -> Cost:
+    """A poll whose first attempts are all good."""
+    return Cost(poll, 1, poll.need)
 
 
 def failing(model: PollListModel, poll: PollModel) -> Cost:
     """A poll to which no slave responds. A broadcast cannot fail."""
     if not poll.device:
-        return Cost(poll, 1, poll.need)
+        return without_errors(poll)
     return Cost(poll, poll.attempts, exactly(poll.request + model.timeout), poll.attempts)
 
 
-def at_worst(model: PollListModel, poll: PollModel) -> Cost:
-    """All of a poll's attempts spent, each for as long as anything on the line can make it last."""
+def at_worst(model: PollListModel, poll: PollModel, tail: int = 0) -> Cost:
+    """All of a poll's attempts spent, each decided up to ``tail`` ticks after its timeout."""
     if not poll.device:
-        return Cost(poll, 1, poll.need)
-    longest = max(poll.need.most, poll.request + model.timeout + model.tail)
+        return without_errors(poll)
+    longest = max(poll.need.most, poll.request + model.timeout + tail)
     return Cost(poll, poll.attempts, Span(poll.request, longest))
 
 
 class Round:
     """One master's cycle with a cost for each of its cyclic polls, of which there must be some.
 
-    ``ordered``: no commands come between.
+    ``commands`` are the costs of the others.
     """
 
-    def __init__(self, master_timing: MasterTiming, costs: Sequence[Cost], *, ordered: bool) -> None:
-        self._master_timing = master_timing
-        self._ordered = ordered
+    def __init__(self, model: PollListModel, costs: Sequence[Cost], commands: Sequence[Cost]) -> None:
+        self._master_timing = master_timing = model.master_timing
         self._costs = costs
         self._late = master_timing.interval if master_timing.begins_late else 0
-        self._alone = [cost.alone(master_timing) for cost in costs]
-        #: The longest time that all turns take, one each, in any order.
-        self.all = sum(span.most for span in self._alone)
+        self._turns = [cost.turn(master_timing) for cost in costs]
+        self._ordered = not commands
+        #: The longest time that one turn of each command takes.
+        self.commands = sum(cost.turn(master_timing).most for cost in commands)
+        #: The longest time that all other turns take, one each, in any order.
+        self.all = sum(turn.most for turn in self._turns)
+        # From coming due, with nothing under way, to the request; the first turn of all may have a shorter
+        # time before it, as it has not a whole scan before its END.
+        self._waits = Span(master_timing.entry.least, master_timing.idle + master_timing.entry.most)
+        self._first_entry = min(self._waits.least, model.first_end)
+        self._first_before = max(master_timing.entry.most, model.first_end)
+        self._first = next((poll for poll in model.polls if not poll.at), None)
         periods = {cost.poll.every for cost in costs}
         same_start = len({cost.poll.at for cost in costs}) == 1
         #: Whether the list goes round and round: every poll is due again when its turn comes, since it has
@@ -78,54 +91,72 @@ class Round:
             same_start and max(periods) <= sum(cost.own(master_timing) + self._late for cost in costs)
         )
         #: Whether every turn is over before the poll comes due again.
-        self.fits = 0 not in periods and self.all + master_timing.idle <= min(periods)
+        self.fits = 0 not in periods and self.all + self.commands + self._waits.most <= min(periods)
         # All come due at once and have their turns in the list's order.
         self._simultaneous = self.fits and len(periods) == 1 and same_start
 
     def time(self) -> Span:
-        """From the beginning of the first turn to the end of the last."""
+        """From the beginning of the first turn to the end of the last, while no command has a turn."""
         costs, master_timing = self._costs, self._master_timing
         if self.continuous:
             # What is before the first request is the gap of the turn before, not the one that goes with
             # the last poll's own transaction.
-            *others, last = costs
-            gap = master_timing.gap(last.need if self._ordered else None)
-            total = sum((cost.turn(master_timing) for cost in others), gap)
-            taken, again = master_timing.taken(last.need), master_timing.turn(last.need)
-            return Span(
-                total.least + taken.least + (last.fewest - 1) * again.least - self._late,
-                total.most + taken.most + (last.attempts - 1) * again.most - self._late,
-            )
+            gap = master_timing.gap(costs[-1].need if self._ordered else None)
+            return sum(self._turns[:-1], gap) + costs[-1].taken(master_timing) + exactly(-self._late)
         least = sum(cost.own(master_timing) for cost in costs) + (len(costs) - 1) * self._late
+        before = exactly(0) if master_timing.begins_late else master_timing.gap()
         if self._simultaneous:
-            return Span(least, self.all - self._late)
-        # Each poll had its latest turn before this cycle, so that it is due a period after that turn began.
-        wait = max(cost.poll.every - cost.own(master_timing) for cost in costs)
-        return Span(least, max(0, wait) + master_timing.idle + self.all)
+            before = master_timing.entry
+        return Span(least, max(self._over(index, before.most) for index in range(len(costs))))
+
+    def first(self) -> int:
+        """The longest time that the first cycle takes, for which some polls come due later than others."""
+        late = [cost.poll.at for cost in self._costs]
+        before, spread = self._first_before, max(late) - min(late)
+        if spread:
+            before = max(before, spread + self._waits.most)
+        taken = [cost.taken(self._master_timing).most for cost in self._costs]
+        return before + self.all + max(own - turn.most for own, turn in zip(taken, self._turns, strict=True))
+
+    def longest(self) -> int:
+        """The longest cycle that there can be, the first and those with a turn of each command among them."""
+        return max(self.time().most, self.first()) + self.commands
+
+    def _over(self, index: int, before: int) -> int:
+        """The longest time from a cycle's begin to the end of one poll's turn, if that is the last."""
+        cost, wait = self._costs[index], before
+        if not self._simultaneous and len(self._costs) > 1:
+            # Its latest turn was over before this cycle, so that it is due a period after that turn began.
+            rest = max(0, cost.poll.every - cost.own(self._master_timing))
+            wait = max(wait, rest + self._waits.most)
+        return wait + self.all - self._turns[index].most + cost.taken(self._master_timing).most
 
     def period(self) -> Span | None:
         """From cycle to cycle where the list goes round and round; None where the polls have periods."""
-        return (
-            sum((cost.turn(self._master_timing) for cost in self._costs), exactly(0))
-            if self.continuous
-            else None
-        )
+        return sum(self._turns, exactly(0)) if self.continuous else None
 
-    def age(self, index: int) -> int:
-        """How old what a poll read can become before the next values replace it."""
+    def age(self, index: int, own: Cost | None = None) -> int:
+        """How old what a poll read can become before the next values replace it, from RUN on.
+
+        ``own`` is the turn that has brought them (None: as every turn of it).
+        """
         cost, master_timing = self._costs[index], self._master_timing
-        served, taken = cost.poll.served.least, master_timing.taken(cost.need).most
-        if self.continuous:
-            others = sum(other.turn(master_timing).most for other in self._costs if other is not cost)
-            return others + cost.turn(master_timing).most - served + taken
-        begun = master_timing.entry.least + served
-        if not cost.poll.every:
-            return self.all + taken - served
+        poll, taken = cost.poll, cost.taken(master_timing).most
+        kept = taken - poll.served.least
         if self._simultaneous and self._ordered:
-            until = sum(span.most for span in self._alone[: index + 1])
-            before = sum(other.own(master_timing) + self._late for other in self._costs[:index])
-            return cost.poll.every + master_timing.idle + until - before - begun
-        return cost.poll.every + master_timing.idle + self.all - begun
+            entry = self._first_entry if poll.at == 0 else self._waits.least
+            before = self._turns[:index]
+            spread = sum(turn.most - turn.least for turn in before) + self._waits.most - entry
+            return poll.every + spread + kept
+        return self.between(index, own) + kept
+
+    def between(self, index: int, own: Cost | None = None) -> int:
+        """The longest time from the request of one of a poll's turns, ``own``, to that of the next one."""
+        poll, turn = self._costs[index].poll, (own or self._costs[index]).turn(self._master_timing).most
+        if poll.every and not self.continuous:
+            entry = self._first_entry if poll is self._first else self._waits.least
+            turn = max(turn, poll.every + self._waits.most - entry)
+        return turn + self.all - self._turns[index].most + self.commands
 
     def share(self) -> tuple[float, float]:
         """Bounds of the long-run share of time for which its frames are on the wire."""
@@ -140,7 +171,8 @@ class Round:
         rest = [
             cost.poll.frames / (cost.own(master_timing) + self._late) for cost in costs if not cost.poll.every
         ]
-        least = sum(cost.poll.frames / (self.all + master_timing.idle + cost.poll.every) for cost in costs)
+        longest = self.all + self.commands + self._waits.most
+        least = sum(cost.poll.frames / (longest + cost.poll.every) for cost in costs)
         densest = max(cost.poll.frames / (cost.own(master_timing) + self._late) for cost in costs)
         return least, min(paced + max(rest, default=0.0), densest)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import assert_never
 
 from bussim.devices.contract import BusDevice, FreeProtocolSettings, MasterSettings, SlaveSettings
@@ -19,8 +20,8 @@ from bussim.exact.polls.poll_list import PollListModel, PollModel
 from bussim.exact.polls.slaves import SlaveModel, device_model
 from bussim.line.characters import LineTiming
 from bussim.plc.link_registers import bad_parameters, setting_values
-from bussim.plc.memory import Memory, parse_device
-from bussim.plc.ports.cpavl import COM2_STATION, BadSettings, PortSettings, read_settings
+from bussim.plc.memory import Memory
+from bussim.plc.ports.cpavl import BadSettings, PortSettings, configured
 from bussim.plc.ports.spec import FreeSpec, PollSpec
 from bussim.scenario.fault_kinds import DropReply, PowerOff, Slow, Stop
 from bussim.scenario.model import Fault, Plc, Scenario, Window
@@ -124,6 +125,7 @@ class _Reader:
                     master_timing=self._scans(port, settings.interval),
                     polls=asked,
                     begun_holds=profile.begun_holds,
+                    first_end=plc.phase or 0,  # where it is random, it may be any
                 )
             )
 
@@ -251,7 +253,9 @@ class _Reader:
         off = tuple(dict.fromkeys(slave.name for slave in asked if slave.off))
         owners = [slave.owner for slave in asked if slave.off]
         notes = tuple(self._notes(master, polls, [*off, *owners]))
-        return replace(model, tail=master.tail, polls=tuple(polls), off=off, notes=notes)
+        return replace(
+            model, tail=master.tail, first_end=master.first_end, polls=tuple(polls), off=off, notes=notes
+        )
 
     def _crowd(self, master: MasterModel) -> list[str]:
         found = []
@@ -307,13 +311,8 @@ def _owner(fault: Fault) -> str:
 
 
 def _ports(plc: Plc) -> list[_Port]:
-    memory = Memory()
-    memory.set(COM2_STATION, plc.profile.com2_station)
-    for name, value in plc.registers.items():
-        memory.set(parse_device(name), value)
-    return [
-        _Port(plc, spec.name, spec.bus, read_settings(spec.name, memory, spec.words)) for spec in plc.ports
-    ]
+    read = partial(configured, registers=plc.registers, com2_station=plc.profile.com2_station)
+    return [_Port(plc, spec.name, spec.bus, read(spec.name, spec.words)) for spec in plc.ports]
 
 
 def _scan(plc: Plc) -> Span:

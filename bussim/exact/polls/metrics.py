@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import partial
 
-from bussim.exact.polls.cycle import Cost, Round, at_worst, failing
+from bussim.exact.polls.cycle import Cost, Round, at_worst, failing, without_errors
 from bussim.exact.polls.master_timing import Span
 from bussim.exact.polls.poll_list import PollListModel, PollModel
 from bussim.exact.polls.text import remarks, when_off
@@ -17,7 +19,9 @@ class OnePoll:
 
     ``response`` is from the request's end to the response's, ``transaction`` from the request's first edge
     to its taking over, ``turn`` to the next request. ``on_arrival`` and ``before_refresh`` are how old its
-    values are at most when they are taken over, and when the next ones replace them.
+    values are at most when they are taken over, and when the next ones replace them, commands included;
+    ``worst_refresh`` is the latter where every attempt of every poll is spent, but no turn of this one
+    fails, and each turn that fails adds up to ``failed_turn``.
     """
 
     poll: PollModel
@@ -26,6 +30,8 @@ class OnePoll:
     turn: Span
     on_arrival: int | None
     before_refresh: int | None
+    worst_refresh: int | None = None
+    failed_turn: int | None = None
 
     def to_json(self) -> dict[str, object]:
         """The poll's entry of the JSON form, times in ms."""
@@ -42,19 +48,24 @@ class OnePoll:
             "response_ms": span_json(self.response),
             "transaction_ms": span_json(self.transaction),
             "turn_ms": span_json(self.turn),
-            "age_ms": {"on_arrival": _ms(self.on_arrival), "before_refresh": _ms(self.before_refresh)},
+            "age_ms": {
+                "on_arrival": _ms(self.on_arrival),
+                "before_refresh": _ms(self.before_refresh),
+                "worst": _ms(self.worst_refresh),
+                "failed_turn": _ms(self.failed_turn),
+            },
         }
 
 
 @dataclass(frozen=True, slots=True)
 class Dead:
-    """What follows if a slave is dead (``device``), or if all are (``device`` is "").
+    """What follows if slaves are dead (``devices``).
 
     ``lost`` is what its attempts would cost if nothing but the timeout counted: attempts times timeout
     over the polls that ask it. ``cycle`` is what the whole cycle takes then.
     """
 
-    device: str
+    devices: tuple[str, ...]
     polls: tuple[PollModel, ...]
     lost: int
     cycle: Span
@@ -62,6 +73,7 @@ class Dead:
     def to_json(self) -> dict[str, object]:
         """The entry of the JSON form, times in ms."""
         return {
+            "devices": list(self.devices),
             "polls": [poll.name for poll in self.polls],
             "attempts": sum(poll.attempts for poll in self.polls),
             "lost_ms": _ms(self.lost),
@@ -74,23 +86,32 @@ class PollFigures:
     """Figures of one poll list. Times in ticks; None where there is no such figure.
 
     ``cycle`` and ``mean`` are without errors, from the second cycle on, and while no command (a poll with
-    ``times``) has a turn; ``worst`` is the longest cycle that there can be, every attempt spent for as
-    long as it can last. ``command`` is what one turn of a command adds at most, without errors and at
-    worst. ``load`` is the share of time for which the list's frames are on the wire, between two bounds,
-    each with its response.
+    ``times``) has a turn; ``first`` is the longest first cycle, ``command`` what one turn of each command
+    adds at most. ``worst`` is the longest cycle that there can be without responses, every attempt spent on
+    every poll and command; ``disturbed`` the same where something else arrives at the end of each timeout, as
+    long as it can last. ``load`` is the share of time for which the list's frames are on the wire, between
+    two bounds, each with its response. ``dead`` is by slave; ``more_dead`` has the two and the three slaves
+    whose loss costs most each, and all of them.
     """
 
     model: PollListModel
     cycle: Span | None = None
+    first: int | None = None
     mean: float | None = None
     worst: int | None = None
+    disturbed: int | None = None
     command: int | None = None
     worst_command: int | None = None
     load: tuple[float, float] | None = None
     polls: tuple[OnePoll, ...] = ()
     dead: tuple[Dead, ...] = ()
-    all_dead: Dead | None = None
+    more_dead: tuple[Dead, ...] = ()
     remarks: tuple[str, ...] = field(default=())
+
+    @property
+    def all_dead(self) -> Dead | None:
+        """What follows if every slave is dead."""
+        return max((*self.dead, *self.more_dead), key=lambda dead: len(dead.devices), default=None)
 
     def to_json(self) -> dict[str, object]:
         """One list of the JSON form, times in ms. Quantities that do not exist are null."""
@@ -103,12 +124,14 @@ class PollFigures:
             "protocol": model.protocol,
             "timeout_ms": _ms(model.timeout),
             "interval_ms": _ms(model.master_timing.interval),
-            "cycle_ms": {**span_json(cycle), "mean": _ms(self.mean)},
+            "cycle_ms": {**span_json(cycle), "mean": _ms(self.mean), "first": _ms(self.first)},
             "worst_case_ms": _ms(self.worst),
+            "worst_case_disturbed_ms": _ms(self.disturbed),
             "command_ms": {"no_error": _ms(self.command), "worst": _ms(self.worst_command)},
             "bus_load": {"min": load[0] if load else None, "max": load[1] if load else None},
             "polls": {one.poll.name: one.to_json() for one in self.polls},
-            "dead": {dead.device: dead.to_json() for dead in self.dead},
+            "dead": {dead.devices[0]: dead.to_json() for dead in self.dead},
+            "more_dead": [dead.to_json() for dead in self.more_dead],
             "all_dead": self.all_dead.to_json() if self.all_dead is not None else None,
         }
 
@@ -116,70 +139,86 @@ class PollFigures:
         """The figures that are read best as sentences: what a dead slave costs."""
         if not self.model.valid:
             return [f"no figures: {reason}" for reason in self.model.obstacles]
-        dead = self.dead if self.all_dead is None or len(self.dead) < 2 else (*self.dead, self.all_dead)
-        return [when_off(each.device, each.polls, self.model.timeout, each.lost, each.cycle) for each in dead]
+        return [
+            when_off(each.devices, each.polls, self.model.timeout, each.lost, each.cycle)
+            for each in (*self.dead, *self.more_dead)
+        ]
 
 
 def poll_figures(model: PollListModel) -> PollFigures:
     """Work out the figures of one poll list."""
     if not model.valid:
         return PollFigures(model)
-    cyclic, commands = model.cyclic, model.commands
-    command = _longest_turn(model, [Cost(poll, 1, poll.need) for poll in commands])
-    worst_command = _longest_turn(model, [at_worst(model, poll) for poll in commands])
-    if not cyclic:
-        polls = tuple(_one_poll(model, None, poll) for poll in model.polls)
-        return PollFigures(model, command=command, worst_command=worst_command, polls=polls)
-    clean = _round(model, [Cost(poll, 1, poll.need) for poll in cyclic])
-    dead = tuple(_dead(model, device) for device in dict.fromkeys(p.device for p in cyclic if p.device))
-    worst = _round(model, [at_worst(model, poll) for poll in cyclic])
+    silent, noisy = partial(at_worst, model), partial(at_worst, model, tail=model.tail)
+    if not model.cyclic:
+        longest = [
+            sum(cost(poll).turn(model.master_timing).most for poll in model.commands)
+            for cost in (without_errors, noisy)
+        ]
+        polls = tuple(_one_poll(model, None, None, poll) for poll in model.polls)
+        return PollFigures(model, command=longest[0], worst_command=longest[1], polls=polls)
+    clean, spent, worst = (_round(model, cost) for cost in (without_errors, silent, noisy))
+    devices = dict.fromkeys(poll.device for poll in model.cyclic if poll.device)
+    dead = tuple(_dead(model, (device,)) for device in devices)
+    costly = [each.devices[0] for each in sorted(dead, key=lambda each: -each.cycle.most)]
+    counts = [count for count in sorted({2, 3, len(costly)}) if 2 <= count <= len(costly)]
     return PollFigures(
         model,
         cycle=clean.time(),
+        first=clean.first(),
         mean=clean.mean(),
-        worst=worst.time().most,
-        command=command,
-        worst_command=worst_command,
+        worst=spent.longest(),
+        disturbed=worst.longest(),
+        command=clean.commands if model.commands else None,
+        worst_command=worst.commands if model.commands else None,
         load=clean.share(),
-        polls=tuple(_one_poll(model, clean, poll) for poll in model.polls),
+        polls=tuple(_one_poll(model, clean, worst, poll) for poll in model.polls),
         dead=dead,
-        all_dead=_dead(model, "") if dead else None,
+        more_dead=tuple(
+            _dead(model, tuple(each for each in devices if each in costly[:count])) for count in counts
+        ),
         remarks=remarks(model, fits=clean.fits, continuous=clean.continuous),
     )
 
 
-def _round(model: PollListModel, costs: list[Cost]) -> Round:
-    return Round(model.master_timing, costs, ordered=not model.commands)
+def _round(model: PollListModel, cost: Callable[[PollModel], Cost]) -> Round:
+    return Round(model, [cost(poll) for poll in model.cyclic], [cost(poll) for poll in model.commands])
 
 
-def _one_poll(model: PollListModel, clean: Round | None, poll: PollModel) -> OnePoll:
-    """``clean`` is the cycle without errors, None where no poll is cyclic."""
+def _one_poll(model: PollListModel, clean: Round | None, worst: Round | None, poll: PollModel) -> OnePoll:
+    """``clean`` and ``worst`` are the cycles without errors and at worst, None where no poll is cyclic."""
     master_timing, request = model.master_timing, poll.request
     taken = master_timing.taken(poll.need)
-    arrival = refresh = None
-    if poll.reads:
-        arrival = min(taken.most - poll.served.least, poll.after + master_timing.late)
-        refresh = clean.age(model.cyclic.index(poll)) if clean is not None and poll.cyclic else None
-    return OnePoll(
+    one = OnePoll(
         poll,
         response=Span(poll.response_end.least - request, poll.response_end.most - request),
         transaction=taken,
         turn=master_timing.turn(poll.need),
-        on_arrival=arrival,
-        before_refresh=refresh,
+        on_arrival=None,
+        before_refresh=None,
+    )
+    if not poll.reads:
+        return one
+    one = replace(one, on_arrival=min(taken.most - poll.served.least, poll.after + master_timing.late))
+    if clean is None or worst is None or not poll.cyclic:
+        return one
+    index = model.cyclic.index(poll)
+    return replace(
+        one,
+        before_refresh=clean.age(index),
+        worst_refresh=worst.age(index, without_errors(poll)),
+        failed_turn=worst.between(index),
     )
 
 
-def _dead(model: PollListModel, device: str) -> Dead:
-    """The figures with a dead slave; "": with all of them dead."""
-    hit = tuple(poll for poll in model.cyclic if poll.device and device in ("", poll.device))
-    costs = [failing(model, poll) if poll in hit else Cost(poll, 1, poll.need) for poll in model.cyclic]
+def _dead(model: PollListModel, devices: tuple[str, ...]) -> Dead:
+    """The figures with dead slaves."""
+    hit = tuple(poll for poll in model.cyclic if poll.device in devices)
+    cycle = _round(
+        model, lambda poll: failing(model, poll) if poll.device in devices else without_errors(poll)
+    )
     lost = sum(poll.attempts for poll in hit) * model.timeout
-    return Dead(device, hit, lost, _round(model, costs).time())
-
-
-def _longest_turn(model: PollListModel, costs: list[Cost]) -> int | None:
-    return max((cost.alone(model.master_timing).most for cost in costs), default=None)
+    return Dead(devices, hit, lost, cycle.time())
 
 
 def span_json(span: Span | None) -> dict[str, object]:

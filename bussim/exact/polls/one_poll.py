@@ -23,7 +23,7 @@ from bussim.wording import counted, names
 
 @dataclass(frozen=True, slots=True)
 class MasterModel:
-    """One master with its polls. ``plc``: a PLC, which works in scans."""
+    """One master with its polls. ``plc``: a PLC, which works in scans, the first ``first_end`` ticks long."""
 
     node: str
     bus: str
@@ -35,6 +35,7 @@ class MasterModel:
     polls: tuple[PollSpec, ...]
     begun_holds: bool = False
     plc: bool = True
+    first_end: int = 0
 
     @property
     def tail(self) -> int:

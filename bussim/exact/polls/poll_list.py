@@ -58,7 +58,8 @@ class PollListModel:
     """The polls of one master. ``obstacles`` say why there are no figures; ``polls`` is empty then.
 
     ``tail`` is how long after the timeout a failing attempt is decided at the latest: what has begun to
-    arrive must be over. ``off`` are the slaves that are switched off for the whole run; the figures without
+    arrive must be over. ``first_end`` is the least time from RUN to the first END. ``off`` are the slaves
+    that are switched off for the whole run; the figures without
     errors are those with them.
     """
 
@@ -69,6 +70,7 @@ class PollListModel:
     timeout: int = 0
     master_timing: MasterTiming = field(default_factory=lambda: Direct(0))
     tail: int = 0
+    first_end: int = 0
     polls: tuple[PollModel, ...] = ()
     off: tuple[str, ...] = ()
     obstacles: tuple[str, ...] = ()

@@ -11,11 +11,8 @@ from bussim.units import TICKS_PER_SECOND
 from bussim.wording import about, names
 
 
-def when_off(device: str, polls: Sequence[PollModel], timeout: int, lost: int, cycle: Span) -> str:
-    """Attempts multiplied out: ``3 retries = 4 attempts × 100 ms on 4 polls (…): 1.6 s when feeder is dead``.
-
-    ``device`` "" stands for all slaves.
-    """
+def when_off(devices: Sequence[str], polls: Sequence[PollModel], timeout: int, lost: int, cycle: Span) -> str:
+    """Attempts multiplied out: ``3 retries = 4 attempts × 100 ms on 4 polls (…): 1.6 s when b is dead``."""
     groups: dict[int, list[str]] = {}
     for poll in polls:
         groups.setdefault(poll.retries, []).append(poll.name)
@@ -24,7 +21,7 @@ def when_off(device: str, polls: Sequence[PollModel], timeout: int, lost: int, c
         attempts = f"{_count(retries, 'retry', 'retries')} = {_count(retries + 1, 'attempt', 'attempts')}"
         on = f"{_count(len(group), 'poll', 'polls')} ({names(group)})"
         parts.append(f"{attempts} × {ms(timeout)} ms on {on}")
-    who = f"{device} is dead" if device else "every slave is dead"
+    who = f"{names(devices)} {'is' if len(devices) == 1 else 'are'} dead"
     return (
         f"{' + '.join(parts)}: {duration(lost)} when {who}; "
         f"with the rest of the cycle {duration(cycle.least)}{_to(cycle)}"

@@ -5,6 +5,7 @@ Source: PW10 board manual, sections 4 (ports), 5 (words and bits), 6 (format wor
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -12,7 +13,7 @@ from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION
 from bussim.engines.modbus.codes import PortError
 from bussim.line.characters import CharFormat, LineTiming
 from bussim.plc.errors import shown_at
-from bussim.plc.memory import Device, Memory
+from bussim.plc.memory import Device, Memory, parse_device
 from bussim.units import TICKS_PER_MS
 
 #: How many words and bits a port has.
@@ -174,3 +175,14 @@ def read_settings(port: str, memory: Memory, words: Device) -> PortSettings | Ba
         end=values[END] & 0xFF,
         timeout=(values[TIMEOUT] or DEFAULT_TIMEOUT) * TIMEOUT_UNIT,
     )
+
+
+def configured(
+    port: str, words: Device, registers: Mapping[str, int], com2_station: int
+) -> PortSettings | BadSettings:
+    """The settings of a port from a scenario's registers, by name; ``com2_station`` is D8121's default."""
+    memory = Memory()
+    memory.set(COM2_STATION, com2_station)
+    for name, value in registers.items():
+        memory.set(parse_device(name), value)
+    return read_settings(port, memory, words)

@@ -63,7 +63,8 @@ class FreeSide(Side):
         """See the base class."""
         if self._reported:
             return now
-        if self._owner != self._driven or self._acknowledge:
+        shown = self.engine.receiving == bool(self._status.bit(RECEIVING))
+        if self._owner != self._driven or self._acknowledge or not shown:
             return self._next
         if self._driven is not None:
             requested = self._status.bit(SEND_REQUEST) and not self._sending and not self.engine.receiving

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import assert_never
 
 from bussim.engines.contract import SERVE
+from bussim.engines.free.engine import FreePort
 from bussim.engines.free.events import CharacterDamaged, Received, Sent
 from bussim.engines.modbus.events import (
     CycleEnded,
@@ -30,6 +31,7 @@ from bussim.sim.serial.bus import SerialBus
 from bussim.sim.serial.contract import SerialEvent
 from bussim.sim.serial.node import SerialNode
 from bussim.sim.serial.reporter import SerialReporter
+from bussim.sim.wire.contract import LineNode
 
 
 class PlcPort(SerialNode):
@@ -55,6 +57,10 @@ class PlcPort(SerialNode):
             self.use_engine(engine, settings.timing, now)
             self.handle(engine.start(now), now)
         self.report_events()
+
+    def understands(self, sender: LineNode) -> bool:
+        """See the base class; with the free protocol each END shows what has come: no frame is whole."""
+        return not isinstance(self.engine, FreePort) and super().understands(sender)
 
     def handle(self, hints: int, now: int) -> None:
         """Do what the engine asks for with its hints; a request waits for END."""

@@ -118,6 +118,7 @@ class SerialReporter(Notes):
         else:
             outcome = MEANINGS[event.error]
         true = reply is not None and not mismatched and event.error is None
+        taken_for_own = mismatched and outcome in ("ok", "exception")
         self._sink.take(
             TransactionRecord(
                 bus=node.line.name,
@@ -138,11 +139,10 @@ class SerialReporter(Notes):
                 error=None if event.error is None else int(event.error),
                 exception=event.exception,
                 served=reply.served if reply is not None and true else None,
-                mismatched=mismatched,
+                mismatched=taken_for_own,
                 chars=(node.request_chars if event.sent is not None else 0) + (reply.chars if reply else 0),
             )
         )
-        taken_for_own = mismatched and outcome in ("ok", "exception")
         if event.sent is not None and event.station != BROADCAST and not taken_for_own:
             peer, became = _request_outcome(node, event)
             if mismatched:  # what its own response would have been is not known

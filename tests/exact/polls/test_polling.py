@@ -293,7 +293,7 @@ def test_nothing_simulated_leaves_the_bounds(seed: int) -> None:
     node = found.model.node
     assert {r.outcome for r in done.record.transactions} == {"ok"}
     assert not any(r.mismatched for r in done.record.transactions)
-    commands = sum(poll.times or 0 for poll in found.model.commands) * (found.command or 0)
+    commands = found.command or 0
     cycles = [cycle.duration for cycle in done.record.cycles[1:]]
     if found.cycle is not None:
         assert len(cycles) > 5
@@ -315,7 +315,7 @@ def test_nothing_simulated_leaves_the_bounds(seed: int) -> None:
                 assert taken - served <= one.on_arrival
         if one.before_refresh is not None:
             ages = [after[3] - before[2] for before, after in pairwise(rows)]
-            assert max(ages) <= one.before_refresh + commands
+            assert max(ages) <= one.before_refresh
 
 
 def test_random_buses_are_of_every_kind() -> None:
@@ -370,7 +370,7 @@ def test_a_dead_slave(every: int) -> None:
     scenario = four_polls(every=every)
     found = only(scenario)
     (dead,) = found.dead
-    assert (dead.device, [poll.name for poll in dead.polls]) == ("feeder", list("abcd"))
+    assert (*dead.devices, [poll.name for poll in dead.polls]) == ("feeder", list("abcd"))
     assert dead.lost == 1600 * MS  # (1 + 3 retries) × 100 ms on 4 polls
     assert found.in_words()[0].startswith(
         "3 retries = 4 attempts × 100 ms on 4 polls (a, b, c, d): 1.6 s when feeder is dead; "
@@ -395,7 +395,7 @@ def test_one_of_two_slaves_dead() -> None:
     press = plc("press", port("COM3", MASTER, timeout=20), polls=polls)
     scenario = serial_bus([station(), station("oven", 2, delay=3 * MS)], [press], seconds=40)
     found = only(scenario)
-    assert [(dead.device, dead.lost) for dead in found.dead] == [("feeder", 400 * MS), ("oven", 800 * MS)]
+    assert [(*dead.devices, dead.lost) for dead in found.dead] == [("feeder", 400 * MS), ("oven", 800 * MS)]
     assert found.all_dead is not None
     assert found.all_dead.lost == 1200 * MS
     for names, dead in (
@@ -411,7 +411,7 @@ def test_one_of_two_slaves_dead() -> None:
     assert words[1].startswith(
         "no retries = 1 attempt × 200 ms on 1 poll (b) + 2 retries = 3 attempts × 200 ms on"
     )
-    assert "1.2 s when every slave is dead" in words[2]
+    assert "1.2 s when feeder, oven are dead" in words[2]
 
 
 def disturbances(seed: int, scenario: model.Scenario) -> model.Scenario:
@@ -438,9 +438,8 @@ def test_no_disturbance_makes_a_cycle_longer_than_the_worst_case(seed: int) -> N
         pytest.skip("only commands")
     done = run(disturbances(seed, scenario))
     assert len({r.outcome for r in done.record.transactions}) > 1
-    commands = sum(poll.times or 0 for poll in found.model.commands) * (found.worst_command or 0)
     cycles = [cycle.duration for cycle in done.record.cycles[1:]]
-    assert max(cycles) <= found.worst + commands  # type: ignore[operator]
+    assert max(cycles) <= found.disturbed  # type: ignore[operator]
 
 
 def test_rubbish_on_the_line_makes_an_attempt_longer_than_its_timeout() -> None:
@@ -452,8 +451,9 @@ def test_rubbish_on_the_line_makes_an_attempt_longer_than_its_timeout() -> None:
     cycles = [cycle.duration for cycle in done.record.cycles if cycle.start > 2 * SECOND]
     silent = found.dead[0].cycle.most
     assert min(cycles) > silent
-    assert max(cycles) <= found.worst  # type: ignore[operator]
-    assert found.worst == silent + 5 * PLAIN.characters(Fraction(9, 2))
+    assert max(cycles) <= found.disturbed  # type: ignore[operator]
+    assert found.worst == silent
+    assert found.disturbed == silent + 5 * PLAIN.characters(Fraction(9, 2))
 
 
 def test_the_gap_after_a_command_may_be_another() -> None:
@@ -480,7 +480,7 @@ def test_a_master_that_awaits_what_has_begun(seed: int) -> None:
     assert found.model.valid
     assert {record.outcome for record in run(scenario).record.transactions} == {"ok"}
     done = run(disturbances(seed, scenario))
-    assert max(cycle.duration for cycle in done.record.cycles[1:]) <= found.worst  # type: ignore[operator]
+    assert max(cycle.duration for cycle in done.record.cycles[1:]) <= found.disturbed  # type: ignore[operator]
     hasty = replace(scenario, plcs=(replace(press, profile=PROFILES["pw10"]),))
     assert "it never comes in time" in reasons(hasty)
 
@@ -555,7 +555,7 @@ def reasons(scenario: model.Scenario, node: str = "press.COM3") -> str:
     assert not found.model.valid
     form = found.to_json()
     assert form["valid"] is False
-    assert form["cycle_ms"] == {"min": None, "max": None, "mean": None}
+    assert set(form["cycle_ms"].values()) == {None}  # type: ignore[attr-defined]
     assert (form["worst_case_ms"], form["polls"], form["dead"]) == (None, {}, {})
     assert all(sentence.startswith("no figures: ") for sentence in found.in_words())
     return "; ".join(found.model.obstacles)
@@ -703,6 +703,7 @@ def test_the_json_form() -> None:
     form_ = found.to_json()
     assert form_["dead"] == {
         "feeder": {
+            "devices": ["feeder"],
             "polls": ["a", "b", "c", "d"],
             "attempts": 16,
             "lost_ms": 1600.0,

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+import bussim
 from bussim.devices.free.scripted import Message
 from bussim.devices.map.model import MapSettings
 from bussim.line.characters import NN_LINE
@@ -14,6 +15,7 @@ from bussim.line.protocols import BusProtocol
 from bussim.plc.memory import parse_device
 from bussim.plc.ports.spec import FreeSpec, PollSpec
 from bussim.plc.profiles import PROFILES, Reply
+from bussim.plc.program.program import Program
 from bussim.scenario import fault_kinds, model
 from tests.sim.build import MS, SECOND, Done, fault, run, steady
 from tests.sim.serial import FREE, MASTER, PLAIN, SLAVE, device, hmi, plc, poll, port, scripted, serial_bus
@@ -271,3 +273,29 @@ def test_the_same_seed_gives_the_same_run(seed: int) -> None:
     one, other = run(scenario), run(scenario, traced=False)
     assert one.record.transactions == other.record.transactions
     assert one.totals == other.totals
+
+
+@pytest.mark.parametrize("program", [None, "LD M8000\nRS2 D100 K0 D300 K52 K3\nEND\n"])
+def test_ends_during_an_unbroken_reception_show_it_and_take_longer(program: str | None) -> None:
+    # 52 characters at 9600 8N1 take 54.2 ms: five ENDs of scans of 10 ms and 1 ms for the reception.
+    profile = replace(PROFILES["pw10"], transaction_time=MS)
+    reader = scripted("reader", Message(b"AB" * 26, at=105 * MS))
+    spec = FreeSpec("hear", "COM3", device=parse_device("D300"), count=52)
+    press = plc("press", port("COM3", FREE), scan=10 * MS, phase=10 * MS, profile=profile)
+    press = replace(press, polls=() if program else (spec,), observed=("M2924", "M2923"))
+    if program:
+        press = replace(press, program=Program.parse(program, "a.il"))
+    seen = bussim.run(serial_bus([reader], [press], seconds=1)).values
+    receiving = seen[seen["device"] == "M2924"].set_index("value")["time_s"]
+    assert 0.055 <= receiving[0] - receiving[1] < 0.056  # beside what the instructions take
+
+
+def test_a_response_that_was_refused_is_no_mismatched_one() -> None:
+    # The response to the request before is under way when the next one leaves, and is damaged by it.
+    polls = [read("a", count=4, retries=1), read("b", address=4, count=4, to="D410", retries=1)]
+    slow = device("drive", "map", settings=_ones(), delay=50 * MS, jitter=15 * MS)
+    press = plc("press", port("COM3", MASTER, timeout=6, interval=10), polls=polls, scan=3 * MS)
+    done = bussim.run(serial_bus([slow], [press], seconds=30))
+    rows = done.transactions
+    assert "framing" in set(rows["outcome"])
+    assert rows["mismatched"].sum() == done.summary["ports"]["press.COM3"]["mismatched_responses"]
