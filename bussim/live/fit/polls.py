@@ -7,7 +7,8 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from statistics import median_low
+from operator import sub
+from statistics import mean, median_low
 from typing import NamedTuple
 
 #: A request is periodic if nine tenths of its turns begin within so much of a period of their grid.
@@ -180,14 +181,17 @@ def _every(poll: _Poll) -> int | None:
 def _grid(poll: _Poll) -> int | None:
     """The period of the grid that the turns keep to: they may be late, but lateness does not add up."""
     every, starts = _every(poll), poll.starts
-    turns = round((starts[-1] - starts[0]) / every) if every else 0
-    if len(starts) <= _LEAST or not turns:
+    if len(starts) <= _LEAST or not every:
         return None
-    grid = (starts[-1] - starts[0]) / turns
-    late = sorted((start - starts[0] + grid / 2) % grid for start in starts)
-    middle = late[len(late) // 2]
-    near = sum(abs(each - middle) <= _LATE * grid for each in late)
-    return round(grid) if near >= _MOST * len(late) else None
+    # The median is off where distances alternate; where turns are repeated, their mean is.
+    usual = [apart for apart in map(sub, starts[1:], starts) if every < 2 * apart < 3 * every]
+    for guess in (every, mean(usual)):
+        grid = (starts[-1] - starts[0]) / max(1, round((starts[-1] - starts[0]) / guess))
+        late = sorted((start - starts[0] + grid / 2) % grid for start in starts)
+        middle = late[len(late) // 2]
+        if sum(abs(each - middle) <= _LATE * grid for each in late) >= _MOST * len(late):
+            return round(grid)
+    return None
 
 
 def _estimate(request: Request, poll: _Poll, span: int, attempts: int) -> PollEstimate:

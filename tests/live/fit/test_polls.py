@@ -68,6 +68,14 @@ def test_turns_at_no_regular_times_are_told() -> None:
     assert not polls_of(turns(*rotation()), frozenset(), 1)[0].irregular
 
 
+def test_turns_that_are_late_by_turns_keep_the_period_of_their_grid() -> None:
+    """Every second one waits for another exchange, and one in ten is not heard: no distance is the period."""
+    rows = [(A, 1000.0 * number + 30 * (number % 2)) for number in range(120) if number % 10 != 5]
+    (found,) = polls_of(turns(*rows), frozenset(), 1)
+    assert found.periodic
+    assert found.every == pytest.approx(1000 * MS, rel=5e-4)
+
+
 def test_a_turn_that_was_held_up_makes_the_next_one_no_repeat() -> None:
     """B at 1.2 s waits for A's retries; the next B is on time, and comes soon."""
     regular: list[tuple[Request, float]] = [(B, 200.0 * number) for number in range(20)]
