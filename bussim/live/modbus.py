@@ -11,8 +11,8 @@ from bussim.engines.modbus.events import FrameRejected
 from bussim.engines.modbus.framing import Framing
 from bussim.engines.modbus.gaps import STANDARD_GAPS
 from bussim.engines.modbus.master import MasterConfig
-from bussim.engines.modbus.polling import PollingMaster
 from bussim.engines.modbus.polls import Poll, PollList
+from bussim.engines.modbus.resync import ResyncingMaster
 from bussim.engines.modbus.server import RegisterMap
 from bussim.engines.modbus.slave import Slave, SlaveConfig
 from bussim.errors import UsageError
@@ -81,13 +81,16 @@ def master_runner(
     timeout: int,
     interval: int = 0,
     turnaround: int | None = None,
+    resync: bool = True,
     handling: Handling | None = None,
 ) -> EngineRunner:
     """A master that works through a poll list on a wire. Raises UsageError for what it cannot send.
 
     Times in ticks. ``interval`` is the pause from one transaction's end to the next request; an RTU
     master never makes it shorter than the silence that ends a frame. The timeout is the system's:
-    a response that has begun by then is waited for. Reserved stations (248 to 255) are asked, too.
+    a response that has begun by then is waited for; ``resync`` is what
+    :class:`~bussim.engines.modbus.resync.ResyncingMaster` does about one that comes later. Reserved
+    stations (248 to 255) are asked, too.
     """
     framing, quiet = live_framing(mode, wire)
     silent = quiet if mode is Mode.RTU else 0
@@ -97,7 +100,7 @@ def master_runner(
     if turnaround is not None:
         config = replace(config, turnaround=turnaround)
     try:
-        engine = PollingMaster(config, polls)
+        engine = ResyncingMaster(config, polls, resync=resync)
     except ValueError as error:
         raise UsageError(str(error)) from error
     return EngineRunner(engine, wire, quiet=quiet, mode=mode, handling=handling)

@@ -14,6 +14,7 @@ from bussim.engines.modbus.events import (
     PollEnded,
     PollEvent,
     TransactionEnded,
+    Unanswered,
 )
 from bussim.engines.modbus.polls import Poll
 from bussim.live.modbus import ModbusHandling
@@ -21,12 +22,16 @@ from bussim.live.modbus import ModbusHandling
 
 @dataclass(frozen=True, slots=True)
 class Turn:
-    """A turn of a poll: its index in the list, and its attempts, the last of which decided it."""
+    """A turn of a poll: its index in the list, and its attempts, the last of which decided it.
+
+    ``instead`` is an earlier request, which had timed out, that the response taken may answer.
+    """
 
     index: int
     poll: Poll
     attempts: tuple[TransactionEnded, ...]
     ended: PollEnded
+    instead: Unanswered | None = None
 
     @property
     def last(self) -> TransactionEnded:
@@ -39,10 +44,15 @@ class Turn:
         return self.last.error is None or self.last.exception > 0
 
     @property
+    def mismatched(self) -> bool:
+        """Whether the response taken may be another request's."""
+        return self.instead is not None and self.instead.request != self.poll.request
+
+    @property
     def response(self) -> int | None:
-        """Ticks from the end of the request to the end of its response, None without one."""
+        """Ticks from the end of the request to the end of its response, None where unknown."""
         last = self.last
-        if not self.responded or last.asked is None or last.answer_end is None:
+        if self.instead is not None or not self.responded or last.asked is None or last.answer_end is None:
             return None
         return last.answer_end - last.asked
 
@@ -50,16 +60,23 @@ class Turn:
 class PollTurns(ModbusHandling):
     """Puts the attempts of a polling master into turns; ``on_turn`` is called with each.
 
-    With ``rounds`` :attr:`done` becomes true when every poll has had so many turns.
+    ``on_late`` is called with each response to a request that had timed out, if it was thrown away. With
+    ``rounds`` :attr:`done` becomes true when every poll has had so many turns.
     """
 
     def __init__(
-        self, polls: Sequence[Poll], on_turn: Callable[[Turn], None], rounds: int | None = None
+        self,
+        polls: Sequence[Poll],
+        on_turn: Callable[[Turn], None],
+        rounds: int | None = None,
+        on_late: Callable[[ForeignFrame], None] = lambda _frame: None,
     ) -> None:
         super().__init__()
         self._polls = polls
         self._on_turn = on_turn
         self._rounds = rounds
+        self._on_late = on_late
+        self._instead: Unanswered | None = None
         self._attempts: list[TransactionEnded] = []
         self._turns = [0] * len(polls)
 
@@ -88,8 +105,15 @@ class PollTurns(ModbusHandling):
                 attempts, self._attempts = tuple(self._attempts), []
                 if attempts:
                     self._turns[index] += 1
-                    self._on_turn(Turn(index, self._polls[index], attempts, event))
-            case ForeignFrame() | CycleEnded():
-                pass  # the attempt goes on; cycles are the turns of all polls
+                    self._on_turn(Turn(index, self._polls[index], attempts, event, self._instead))
+                self._instead = None
+            case ForeignFrame(late=None):
+                self.rejected["nobody was asked for it"] += 1
+            case ForeignFrame(taken=True):
+                self._instead = event.late
+            case ForeignFrame():
+                self._on_late(event)
+            case CycleEnded():
+                pass  # cycles are the turns of all polls
             case _:
                 assert_never(event)

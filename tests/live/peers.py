@@ -7,6 +7,8 @@ import contextlib
 import os
 import sys
 import threading
+import time
+from collections.abc import Sequence
 from typing import Any
 
 import pytest
@@ -56,11 +58,15 @@ def minimal_master(device: str, mode: Mode, station: int = 1) -> Any:
 class PymodbusServer:
     """A pymodbus server in a thread, on one end of a pair of pseudo-terminals; ``device`` is the other.
 
-    Station 1 has the given holding registers and coils, four each of the other two kinds.
+    Station 1 has the given holding registers and coils, four each of the other two kinds. ``delays`` are
+    seconds by which its first responses come later.
     """
 
-    def __init__(self, mode: Mode, registers: list[int], coils: list[bool]) -> None:
+    def __init__(
+        self, mode: Mode, registers: list[int], coils: list[bool], delays: Sequence[float] = ()
+    ) -> None:
         self._mode, self._registers, self._coils = mode, registers, coils
+        self._delays = iter(delays)
         self._pair = TerminalPair()
         self.device = self._pair.left
         self._loop = asyncio.new_event_loop()
@@ -91,6 +97,11 @@ class PymodbusServer:
         finally:
             self._loop.close()
 
+    def _delayed(self, sending: bool, pdu: Any) -> Any:
+        if sending:
+            time.sleep(next(self._delays, 0))
+        return pdu
+
     async def _serve(self) -> None:
         server, simulator = peer("pymodbus.server"), peer("pymodbus.simulator")
         kinds = simulator.DataType
@@ -111,6 +122,7 @@ class PymodbusServer:
             bytesize=8,
             parity="N",
             stopbits=1,
+            trace_pdu=self._delayed,
         )
         await self._server.serve_forever(background=True)
         self._ready.set()

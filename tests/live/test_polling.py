@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import sys
 import time
+from functools import partial
 
 import pytest
 
 from bussim.engines.modbus.adu import Mode
+from bussim.engines.modbus.events import ForeignFrame
 from bussim.engines.modbus.pdu import (
     Request,
     write_coil,
@@ -28,6 +30,7 @@ if sys.platform != "win32":
 
 both_modes = pytest.mark.parametrize("mode", list(Mode))
 REGISTERS = [100 + number for number in range(50)]
+slow = partial(pytest.param, marks=pytest.mark.slow)
 COILS = [number % 3 == 0 for number in range(48)]
 
 
@@ -105,3 +108,25 @@ def test_a_silent_station_is_a_timeout_and_retried() -> None:
     assert [attempt.error for attempt in turn.attempts] == [9, 9, 9]
     assert not turn.responded
     assert turn.response is None
+
+
+@pytest.mark.parametrize("delay", [slow(10), slow(95), 105, slow(130), 140, 250])
+def test_no_value_of_a_late_server_gets_a_wrong_name(delay: int) -> None:
+    with PymodbusServer(Mode.RTU, REGISTERS, COILS, [delay / 1000]) as server:
+        wire = Wire(server.device, line_of(Mode.RTU, 115200, CharFormat(8, "N", 1)))
+        polls = [Poll(1, Request(3, 0, 1)), Poll(1, Request(3, 1, 1))]
+        turns: list[Turn] = []
+        late: list[ForeignFrame] = []
+        handling = PollTurns(polls, turns.append, 5, late.append)
+        timeout = TICKS_PER_SECOND // 10
+        runner = master_runner(wire, Mode.RTU, PollList(polls), timeout=timeout, handling=handling)
+        runner.start()
+        runner.run(lambda: handling.done)
+        runner.close()
+    read = [turn.last.response and turn.last.response.values[0] for turn in turns]
+    assert read[1:] == [101, 100, 101, 100, 101, 100, 101, 100, 101]
+    if delay > 100:
+        assert read[0] is None
+        (frame,) = late
+        assert frame.late is not None
+        assert frame.late.request == polls[0].request

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -64,6 +65,12 @@ _BARE_TIMES = {"-o": ("s", 0.01, 10.0), "-l": ("ms", 10.0, 1e9)}
 @click.option(
     "--retries", metavar="N", type=click.IntRange(0, 100), default=0, help="Attempts after a failed one (0)."
 )
+@click.option(
+    "--resync/--no-resync",
+    default=None,
+    help="After a timeout, wait where a late response could be taken for another one, and throw it away "
+    "(default, but for a PLC's list).",
+)
 @click.option("--scenario", metavar="FILE", help="Take line and polls from a scenario instead…")
 @click.option("--list", "poll_list", metavar="NODE", help="…the poll list of this port, such as press1.COM3.")
 @click.option("--paced", is_flag=True, help="Space bytes at the line's rate.")
@@ -94,6 +101,7 @@ def command(
     verbose: bool,
     rounds: int | None,
     retries: int,
+    resync: bool | None,
     scenario: str | None,
     poll_list: str | None,
     paced: bool,
@@ -144,6 +152,8 @@ def command(
         )  # fmt: skip
         line = line_of(as_mode, baud, fmt)
         plan = Plan(as_mode, line, polls, _time("-o", timeout), pause=_time("-l", rate))
+    if resync is not None:
+        plan = replace(plan, resync=resync)
     rounds = 1 if once or values else rounds
     table = None if csv is None else Path(csv)
     for station in sorted({planned.poll.station for planned in plan.polls}):

@@ -34,3 +34,4 @@ class Plan:
     interval: int = 0  # between transactions
     pause: int = 0  # between turns
     turnaround: int | None = None  # after a broadcast; None: as usual
+    resync: bool = True  # wait for late responses and throw them away

@@ -87,6 +87,7 @@ def _of_port(plc: Plc, port: PortSpec) -> Plan:
         polls=_planned(tuple(polls), node),
         timeout=settings.timeout,
         interval=settings.interval,
+        resync=False,  # as a PLC's port goes on
     )
 
 

@@ -23,6 +23,7 @@ from bussim.wording import counted
 
 if TYPE_CHECKING:
     from bussim.commands.poll.plan import Plan, Planned
+    from bussim.engines.modbus.events import ForeignFrame
     from bussim.live.options import PortOptions
 
 #: Columns of the CSV file.
@@ -68,6 +69,7 @@ class Tally:
     def __init__(self, planned: Planned) -> None:
         self.planned = planned
         self.turns = self.attempts = self.ok = self.exceptions = 0
+        self.late = self.mismatched = 0
         self.errors: dict[str, int] = {}
         self.times = Histogram()
         self.values: list[int | float | str] = []
@@ -76,6 +78,7 @@ class Tally:
         """Take in a turn."""
         self.turns += 1
         self.attempts += len(turn.attempts)
+        self.mismatched += turn.mismatched
         for attempt in turn.attempts:
             if attempt.error is not None:
                 word = _outcome(attempt.error, attempt.exception)
@@ -101,6 +104,8 @@ class Tally:
             "attempts": self.attempts,
             "ok": self.ok,
             "exceptions": self.exceptions,
+            "late": self.late,
+            "mismatched": self.mismatched,
             "errors": dict(sorted(self.errors.items())),
             "response_ms": statistics(self.times),
             "values": self.values,
@@ -141,7 +146,13 @@ def poll(
                 click.echo(_line(turn, tally.planned))
 
         polls = [planned.poll for planned in plan.polls]
-        turns = PollTurns(polls, on_turn, rounds)
+
+        def on_late(frame: ForeignFrame) -> None:
+            text = _thrown_away(frame, tallies)
+            if not as_json:
+                click.echo(text)
+
+        turns = PollTurns(polls, on_turn, rounds, on_late)
         runner = master_runner(
             wire,
             plan.mode,
@@ -149,6 +160,7 @@ def poll(
             timeout=plan.timeout,
             interval=plan.interval,
             turnaround=plan.turnaround,
+            resync=plan.resync,
             handling=turns,
         )
         stop = stack.enter_context(Stopping())
@@ -174,7 +186,18 @@ def poll(
         print_json(summary)
     else:
         _show(tallies, summary)
-    return 1 if any(tally.ok < tally.turns for tally in tallies) else 0
+    return 1 if any(tally.ok < tally.turns or tally.mismatched for tally in tallies) else 0
+
+
+def _thrown_away(frame: ForeignFrame, tallies: list[Tally]) -> str:
+    """Count a late response, and say so."""
+    late = frame.late
+    assert late is not None  # noqa: S101 - narrows the type; only such frames are passed on
+    asked = (late.station, late.request)
+    of = next(one for one in tallies if (one.planned.poll.station, one.planned.poll.request) == asked)
+    of.late += 1
+    after = milliseconds(frame.start - late.asked)
+    return f"{of.planned.name}  late: a response {after:.1f} ms after its request, thrown away"
 
 
 def _table(path: Path) -> CsvTable:
@@ -230,6 +253,8 @@ def _line(turn: Turn, planned: Planned) -> str:
         shown = "  ".join(f"[{planned.first + index * width}] {value}" for index, value in enumerate(values))
     else:
         shown = f"written: {planned.poll.request.quantity} from [{planned.first}]"
+    if turn.mismatched:
+        return f"{planned.name}  {shown}  (may be the response to an earlier request{tries})"
     time = "" if turn.response is None else f"  ({milliseconds(turn.response):.3f} ms{tries})"
     return f"{planned.name}  {shown}{time}"
 
@@ -254,6 +279,10 @@ def _show(tallies: list[Tally], summary: dict[str, Any]) -> None:
         everything.merge(tally.times)
     for line in bars(everything):
         console.print(line, markup=False)
+    if mismatched := sum(tally.mismatched for tally in tallies):
+        click.echo(
+            f"mismatched: {counted(mismatched, 'response')} may belong to an earlier request; --resync"
+        )
     for reason, count in summary["rejected_frames"].items():
         click.echo(f"frames that were no responses: {count} × {reason}")
     port = summary["port"]

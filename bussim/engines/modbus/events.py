@@ -19,12 +19,26 @@ class FrameRejected:
 
 
 @dataclass(frozen=True, slots=True)
+class Unanswered:
+    """A request that timed out, and when its last stop bit had left: its response may still come."""
+
+    station: int
+    request: Request
+    asked: int
+
+
+@dataclass(frozen=True, slots=True)
 class ForeignFrame:
-    """Master: a sound frame that is not of the station that was asked; it goes on waiting."""
+    """Master: a sound frame that is not the awaited response; it goes on waiting, unless ``taken``.
+
+    ``late`` is the earlier request that the frame answers, None where it is of another station.
+    """
 
     tick: int
     start: int
     station: int
+    late: Unanswered | None = None
+    taken: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -208,7 +208,7 @@ class Master(Engine[Adu, MasterEvent | PollEvent]):
         decoded = decode_response(adu.pdu, self._request)
         if isinstance(decoded, ExceptionResponse) and decoded.function == self._request.function:
             return self._ended(now, exception_error(decoded.code), start, end, exception=decoded.code)
-        checked = _checked(decoded, self._request)
+        checked = check_response(decoded, self._request)
         if isinstance(checked, PortError):
             return self._ended(now, checked, start, end)
         return self._ended(now, None, start, end, response=checked)
@@ -310,7 +310,9 @@ class Master(Engine[Adu, MasterEvent | PollEvent]):
         return DEADLINE
 
 
-def _checked(decoded: Response | ExceptionResponse | Malformed, request: Request) -> Response | PortError:
+def check_response(
+    decoded: Response | ExceptionResponse | Malformed, request: Request
+) -> Response | PortError:
     """The response, or how a sound frame of the right station fails to be its response.
 
     Impossible length: 1; a write's echo with another address: 2, with another value or quantity, or

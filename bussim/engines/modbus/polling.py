@@ -72,8 +72,16 @@ class PollingMaster(Master):
             poll, self._again = self._again or self._due_now(now), None
             if poll is None:
                 return hints | DEADLINE
+            held = self._held_until(poll, now)
+            if held > now:
+                self._again, self._next = poll, held
+                return hints | DEADLINE
             hints = hints & ~EVENTS | self.submit(poll.station, poll.request, now)
         return hints | EVENTS if self._events else hints
+
+    def _held_until(self, poll: Poll, now: int) -> int:
+        """When a poll may begin; for a master that waits for late responses."""
+        return now
 
     def _due_now(self, now: int) -> Poll | None:
         due = self.list.next_due()

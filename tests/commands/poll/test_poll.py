@@ -18,6 +18,7 @@ from bussim.engines.modbus.server import Space
 from bussim.line.characters import CharFormat
 from bussim.live.faults import Injected, ReplyFault
 from bussim.live.served import ServedSlave
+from bussim.units import TICKS_PER_MS
 from tests.live.peers import TerminalPair
 from tests.live.recordings.reading import sniffed
 
@@ -329,3 +330,39 @@ def test_a_scenario_without_that_master_is_said(tmp_path: Path, capsys: pytest.C
     file.write_text(SCENARIO, encoding="utf-8")
     assert main(["poll", "x", "--scenario", str(file), "--list", "pres1.COM3"]) == 2
     assert "did you mean press1.COM3" in capsys.readouterr().err
+
+
+TWO_POLLS = """\
+schema: 1
+name: two
+duration: 1 s
+buses: [{name: line, baud: 19200, format: 8N1}]
+devices:
+  - name: hmi
+    model: hmi
+    bus: line
+    timeout: 100 ms
+    polls:
+      - {name: a, station: 1, function: 3, address: 1, count: 1}
+      - {name: b, station: 1, function: 3, address: 2, count: 1}
+"""
+
+
+@posix
+@pytest.mark.parametrize(("option", "late", "mismatched"), [("--resync", 1, 0), ("--no-resync", 0, 5)])
+def test_a_late_response_is_thrown_away_or_told(
+    slave: ServedSlave,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    option: str,
+    late: int,
+    mismatched: int,
+) -> None:
+    (tmp_path / "two.yaml").write_text(TWO_POLLS)
+    slave.faults.inject(Injected(ReplyFault.DELAY, by=140 * TICKS_PER_MS))
+    scenario = ("--scenario", str(tmp_path / "two.yaml"), "--list", "hmi")
+    assert main(["poll", slave.device, *scenario, "--rounds", "3", option, "--json"]) == 1
+    polls = json.loads(capsys.readouterr().out)["polls"]
+    assert sum(poll["late"] for poll in polls) == late
+    assert sum(poll["mismatched"] for poll in polls) == mismatched
+    assert polls[1]["values"] == [2000]
