@@ -45,6 +45,7 @@ LONG = {
     "feeder_off",
     "interlock",
     "nn_with_modbus",
+    "registers_on_site",
     "same_number_twice",
     "slow_slave_short_timeout",
     "two_masters",

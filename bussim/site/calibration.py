@@ -171,7 +171,13 @@ class _Decoder:
         if reading.looks:
             shown = self._attempts(self._ticks(experiment), experiment, gap)
             made = round(shown)
-            if abs(shown - made) > _WHOLE or made not in {1, *allowed.values()}:
+            whole = abs(shown - made) <= _WHOLE and made in {1, *allowed.values()}
+            if not whole and self.found.fields.get("reply") != Reply.INTERRUPT.value:
+                for each in ("absent_station", "attempts"):  # a scan's waits for END are no part of the rule
+                    self._leave(
+                        each, f"{shown:.2f} attempts by {name}, with waits for END that are not known"
+                    )
+            elif not whole:
                 self.found.unexplained.append(
                     f"{name}: D8201 has room for {shown:.2f} attempts at the slave that is off"
                 )

@@ -19,10 +19,12 @@ import pytest
 
 from bussim.cli import main
 from bussim.scenario import builtin
-from tests.guide.pages import EVERY, name, read
+from tests.guide.pages import EVERY, blocks, name, page, read
 from tests.undrawn import undrawn
 
-SHOWN = re.compile(r"<!-- output: bussim (.+?)(?: \| head -(\d+))? -->\n```text\n(.*?)```\n", re.DOTALL)
+SHOWN = re.compile(
+    r"<!-- output: bussim (.+?)(?: \| (head|tail) -(\d+))? -->\n```text\n(.*?)```\n", re.DOTALL
+)
 
 
 @cache
@@ -39,7 +41,8 @@ def recording() -> dict[str, bytes]:
 def printed(command: str) -> str:
     """What a command prints, in a folder that holds the copy of the tutorial with one bad value.
 
-    A command that names the recording or the scenario fitted to it has them there.
+    A command that names the recording or the scenario fitted to it has them there; the readout and the
+    calibration are those of their page.
     """
     out = io.StringIO()
     with tempfile.TemporaryDirectory() as folder, chdir(folder), undrawn():
@@ -47,14 +50,19 @@ def printed(command: str) -> str:
         Path("my_line.yaml").write_text(bad, encoding="utf-8")
         for file in set(shlex.split(command)[1:2]) & {"line.sr", "fitted.yaml"}:
             Path(file).write_bytes(recording()[file])
+        for file, text in zip(
+            ("readout.yaml", "calibration.yaml"), blocks(page("site"), "yaml"), strict=True
+        ):
+            Path(file).write_text(text, encoding="utf-8")
         with redirect_stdout(out), redirect_stderr(out):
             main(shlex.split(command))
     return out.getvalue()
 
 
-def shown(command: str, lines: str | None) -> str:
-    """The first lines of what a command prints, or all of them, without blanks at their ends."""
-    kept = printed(command).splitlines()[: int(lines) if lines else None]
+def shown(command: str, end: str, lines: str) -> str:
+    """The first or last lines of what a command prints, or all of them, without blanks at their ends."""
+    part = slice(-int(lines), None) if end == "tail" else slice(int(lines) if lines else None)
+    kept = printed(command).splitlines()[part]
     return "".join(f"{line.rstrip()}\n" for line in kept)
 
 
@@ -68,8 +76,8 @@ def shown(command: str, lines: str | None) -> str:
     ids=name,
 )
 def test_outputs_are_what_the_commands_print(path: Path) -> None:
-    for command, lines, text in SHOWN.findall(read(path)):
-        assert text == shown(command, lines or None), command
+    for command, end, lines, text in SHOWN.findall(read(path)):
+        assert text == shown(command, end, lines), command
 
 
 def test_no_output_is_left_unchecked() -> None:
@@ -83,7 +91,9 @@ if __name__ == "__main__":
     for each in EVERY:
         before = read(each)
         after = SHOWN.sub(
-            lambda found: found[0].replace(f"```text\n{found[3]}", f"```text\n{shown(found[1], found[2])}"),
+            lambda found: found[0].replace(
+                f"```text\n{found[4]}", f"```text\n{shown(found[1], found[2] or '', found[3] or '')}"
+            ),
             before,
         )
         if after != before:

@@ -15,20 +15,29 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("file", metavar="FILE")
+@click.argument("file", metavar="[FILE]", required=False)
+@click.option("--form", type=click.Choice(["en", "zh"]), help="Print the form to fill in by hand, as HTML.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 @click.option("--plan", "planned", is_flag=True, help="Say how long to watch with which reading.")
 @click.option("-o", "out", metavar="FILE", help="Of a calibration: where to write the profile.")
 @click.option("--force", is_flag=True, help="Replace the profile of -o.")
-def command(file: str, *, as_json: bool, planned: bool, out: str | None, force: bool) -> None:
+def command(
+    file: str | None, *, form: str | None, as_json: bool, planned: bool, out: str | None, force: bool
+) -> None:
     """Find what is wrong with a link, how much noise it has, and what to set.
 
     FILE is a readout of its stations' registers, or a calibration: experiments at a machine at rest that
     decide its profile.
     """
     from bussim.site.file import load
+    from bussim.site.paper import form_page
     from bussim.site.readout import Readout
 
+    if (file is None) == (form is None):
+        raise UsageError("name one FILE, a readout or a calibration; or --form en, --form zh for the paper")
+    if file is None:
+        click.echo(form_page(form or ""), nl=False)
+        return
     noted = load(Path(file))
     if isinstance(noted, Readout):
         if out is not None:
@@ -68,11 +77,11 @@ def _readout(noted: Readout, *, as_json: bool, planned: bool) -> None:
     from bussim.site.noise.sizing import sizes
     from bussim.site.plan import plan
 
-    found = diagnose(noted, SiteLink.of(noted))
     # What a calibration left open is worked out both ways.
     meanings = [*Attempts] if "attempts" in noted.profile.open else [None]
     pictures = [picture(noted, SiteLink.of(noted, meaning)) for meaning in meanings]
     first = pictures[0]
+    found = diagnose(noted, SiteLink.of(noted), first.bursts)
     if as_json:
         values: dict[str, Any] = {"schema": 1, "kind": "readout", **found.to_json(), **first.to_json()}
         values["size"] = {name: chosen.to_json() for name, chosen in sizes(first).items()}

@@ -35,9 +35,9 @@ class Diagnosis:
         return {"causes": [one.to_json() for one in self.causes], "next": list(self.next)}
 
 
-def diagnose(readout: Readout, link: SiteLink) -> Diagnosis:
-    """Weigh all causes by the readout alone."""
-    witness, tally = Witness(readout, link), Tally()
+def diagnose(readout: Readout, link: SiteLink, bursts: str = "cannot tell") -> Diagnosis:
+    """Weigh all causes by the readout; ``bursts`` is what its ladder says of them."""
+    witness, tally = Witness(readout, link, bursts), Tally()
     station_rules(witness, tally)
     noise_rules(witness, tally)
     found = tally.findings(readout.symptoms)

@@ -98,9 +98,13 @@ def _bursts(w: Witness, tally: Tally, count: float) -> None:
     silent = [s for s in w.listeners if s.code(0) == codes.MASTER_SILENT]
     if silent and len(silent) == len(w.listeners):
         found.append("code 11 at every slave, beside damaged frames")
+    if w.bursts == "seen":
+        found.append("the ladder counts more scans with several failures than chance makes")
     for index, why in enumerate(found):
         tally.add(Cause.NOISE_BURSTS, None, 1 if index else base + 3, why)
-    if not found:
+    if not found and w.bursts == "not seen":
+        tally.add(Cause.NOISE_WIRE, None, 2, "by the ladder's counts failures do not come together")
+    elif not found:
         why = "there is noise on the wire, and nothing here tells bursts from steady noise"
         tally.add(Cause.NOISE_BURSTS, None, 0.6 * base, why)
 

@@ -15,10 +15,14 @@ START = 2
 
 @dataclass(frozen=True)
 class Witness:
-    """The counts, codes and flags of a readout by who tells and whom it is about."""
+    """The counts, codes and flags of a readout by who tells and whom it is about.
+
+    ``bursts`` is what the ladder says of them: "seen", "not seen" or "cannot tell".
+    """
 
     readout: Readout
     link: SiteLink
+    bursts: str = "cannot tell"
 
     @cached_property
     def numbers(self) -> range:

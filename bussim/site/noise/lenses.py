@@ -142,7 +142,7 @@ def _masters(readout: Readout, found: Measured) -> Iterable[Lens]:
         value, low, high = _inverted(link.station_errors, _rates(found, count, fewer=fewer), most)
         reading = f"D{COUNT + k} of {master.place} = {count}"
         rests = f"n = {link.n}, {link.model.absent}, {link.model.error_count}"
-        yield Lens("M", k, reading, "failed attempts, any cause", count, value, low, high, rests)
+        yield Lens("M", k, reading, "failed attempts", count, value, low, high, rests)
 
 
 def _slaves(witness: Witness, found: Measured) -> Iterable[Lens]:
@@ -156,7 +156,7 @@ def _slaves(witness: Witness, found: Measured) -> Iterable[Lens]:
         rates = _rates(found, count)
         value, low, high = _inverted(lambda ber: link.master_damaged(ber, polls), rates, _WORST)
         reading = f"D{COUNT} of {station.place} = {count}"
-        tells = "BER: wire, driver, receiver"
+        tells = "BER: wire and ends"
         yield Lens("S", station.supposed, reading, tells, count, value, low, high, "how listeners count")
 
 
@@ -179,7 +179,7 @@ def _missed(witness: Witness, found: Measured) -> Iterable[Lens]:
         value, low, _ = (rate / total for rate in _rates(found, seen))
         rates = value, low, _rates(found, all_)[2] / total
         value, low, high = _inverted(lambda ber: link.damaged(ber, link.data_bits), rates, _WORST)
-        reading = f"{seen} replies missed by {station.place} alone"
+        reading = f"{seen} missed by {station.place} alone"
         tells, rests = "BER: its receiver alone", "how listeners count"
         yield Lens("L", j, reading, tells, seen, value, low, high, rests)
 
@@ -193,7 +193,7 @@ def _ladder(readout: Readout, found: Measured) -> Iterable[Lens]:
     value, low, high = _inverted(lambda q: q * (1 - q), _rates(found, rises[0]), 0.5)
     reading = f"{rises[0]} rises of D8201 to {ladder.thresholds_ms[0]:g}"
     tells = "failing scans"
-    yield Lens("E", None, reading, tells, rises[0], value, low, high, "a PLC scan below the link scan")
+    yield Lens("E", None, reading, tells, rises[0], value, low, high, "a short PLC scan")
     if len(rises) > 1 and rises[0]:
         again = _inverted(lambda q: q * (1 - q), _rates(found, rises[1]), 0.5)[0]
         scans = [round(found.scans[1] * share) for share in (value, again)]
@@ -203,7 +203,7 @@ def _ladder(readout: Readout, found: Measured) -> Iterable[Lens]:
             for each in (part.value, part.low, part.high)
         ]
         reading = f"{rises[1]} rises to {ladder.thresholds_ms[1]:g}"
-        tells = "silent among failed attempts"
+        tells = "silent share of failed"
         rests = "the healthy scan"
         yield Lens("T", None, reading, tells, rises[0], shares[0], shares[1], shares[2], rests)
 
@@ -240,8 +240,8 @@ def _longest(witness: Witness, found: Measured) -> Iterable[Lens]:
     kinds = {"damaged": wire, "lost": _rough(lambda p: beyond(lost(p)), tail, 0.6)}
     for kind, high in kinds.items():
         reading = f"the least D8202 = {longest} (healthy: {link.normal})"
-        rests = f"stations alike, all failures {kind}"
-        yield Lens("X", None, reading, "failed attempts, at most", 0, 0.0, 0.0, high, rests)
+        rests = f"all alike, all {kind}"
+        yield Lens("X", None, reading, "failed attempts", 0, 0.0, 0.0, high, rests)
 
 
 def _rough(rising: Callable[[float], float], wanted: float, high: float) -> float:

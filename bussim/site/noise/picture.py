@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log
 from typing import Any
 
@@ -106,15 +106,36 @@ def picture(readout: Readout, link: SiteLink) -> Picture:
         unexplained.append(
             f"{lens.reading}: with {chance:.1g} by the damage that slaves count; replies are {kind}"
         )
-    unexplained += _ladder_beyond(found, [each.failed for each in most])
+    beyond = _ladder_beyond(found, [each.failed for each in most])
+    unexplained += beyond
+    if beyond and (ladder := found.of("E", None)) and (share := found.of("T", None)):
+        # Nobody tells where: the same at each station that the master's counts leave.
+        rest = [k for k in numbers if k not in lost and k not in senders] or [*numbers]
+        known = sum(-log(1 - each.failed) for each in middle) + sum(lost.values())
+        more = max(0.0, -log(1 - ladder.value) - known) / len(rest)
+        if share.low > _silent_of_damage(link):
+            lost |= {k: lost.get(k, 0.0) + more for k in rest}
     noise = SteadyNoise(value.wire, value.receivers, senders, lost)
-    rest = {k: 1 - (1 - each.high) / (1 - most[k - 1].failed) for k, each in fails.items()}
+    left = {k: 1 - (1 - each.high) / (1 - most[k - 1].failed) for k, each in fails.items()}
+    ends = link.attempt(noise)
+    fails = {
+        k: each
+        if each.lens == "M"
+        else replace(each, value=min(max(ends[k - 1].failed, each.low), each.high))
+        for k, each in fails.items()
+    }
     limits = {j: lens.high for j, lens in own.items() if lens.count}
     upper = SteadyNoise(
-        wire[2], limits, {}, {k: min(0.99, share) for k, share in rest.items() if share > 1e-9}
+        wire[2], limits, {}, {k: min(0.99, share) for k, share in left.items() if share > 1e-9}
     )
     return Picture(
-        found, fails, bursts, noise, upper, tuple(unexplained), tuple(_unknown(readout, found, bursts))
+        found,
+        fails,
+        bursts,
+        noise,
+        upper,
+        tuple(unexplained),
+        tuple(_unknown(readout, found, bursts, lost_anywhere=bool(beyond and lost))),
     )
 
 
@@ -172,6 +193,11 @@ def _bursts(readout: Readout, found: Measured) -> str:
     return "not seen" if ladder.rises[0] >= _FEW else "cannot tell"
 
 
+def _silent_of_damage(link: SiteLink) -> float:
+    """The share of failed attempts that are silent where bits are wrong: a poll or a header was hit."""
+    return 60 / (50 + link.data_bits)
+
+
 def _ladder_beyond(found: Measured, most: list[float]) -> list[str]:
     """What the ladder counts beyond the damage that slaves tell."""
     lens, share = found.of("E", None), found.of("T", None)
@@ -184,7 +210,7 @@ def _ladder_beyond(found: Measured, most: list[float]) -> list[str]:
             f"{lens.reading}: at least {lens.low:.2g} of the scans, by damage at slaves "
             f"{by_damage:.2g} at most; replies are lost, or damaged at the master or by a slave's driver"
         )
-    base = 60 / (50 + found.link.data_bits)
+    base = _silent_of_damage(found.link)
     if share.low > base:
         texts.append(
             f"{share.value:.0%} of the failed attempts are silent, of damage {base:.0%}: replies are lost"
@@ -192,7 +218,7 @@ def _ladder_beyond(found: Measured, most: list[float]) -> list[str]:
     return texts
 
 
-def _unknown(readout: Readout, found: Measured, bursts: str) -> list[str]:
+def _unknown(readout: Readout, found: Measured, bursts: str, *, lost_anywhere: bool) -> list[str]:
     """What these readings cannot tell, each with the reading that would."""
     link, master = found.link, readout.at(0)
     texts = []
@@ -216,5 +242,7 @@ def _unknown(readout: Readout, found: Measured, bursts: str) -> list[str]:
         )
     if not any(station.before for station in readout.stations):
         texts.append("what the start left: up to 2 counts of a station and the longest scans may be of it")
+    if lost_anywhere:
+        texts.append("which station leaves polls without a reply: the same share is entered at each")
     texts.append("noise in the master's receiver and of a slave's driver apart: slaves do not tell them")
     return texts
