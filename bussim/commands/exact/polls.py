@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from bussim.exact.polls.master_timing import Span
 from bussim.exact.polls.metrics import PollFigures
 from bussim.exact.polls.text import percent
-from bussim.exact.text import ms, ms_cell
+from bussim.exact.text import a_year, ms, ms_cell
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -49,6 +49,8 @@ def _rows(figures: PollFigures) -> list[tuple[str, str]]:
     if figures.command is not None and figures.worst_command is not None:
         text = f"up to {ms_cell(figures.command)} ms, at worst {ms_cell(figures.worst_command)} ms"
         rows.append(("  with all commands", f"{text} more"))
+    if figures.failed_a_year is not None:
+        rows.append(("failed turns", f"{a_year(figures.failed_a_year)} a year with the noise as entered"))
     if figures.load is not None:
         rows.append(("bus load", f"{percent(figures.load)} by these polls"))
     return rows

@@ -86,4 +86,9 @@ class PollingMaster(Master):
     def _due_now(self, now: int) -> Poll | None:
         due = self.list.next_due()
         self._next = None if due is None else max(due, self.ready_at)
-        return self.list.take(now) if self._next is not None and self._next <= now else None
+        if self._next is None or self._next > now:
+            return None
+        poll = self.list.take(now)
+        if poll is None and (due := self.list.next_due()) is not None:  # a turn was left out
+            self._next = max(due, self.ready_at)
+        return poll

@@ -16,7 +16,8 @@ class Turn(Protocol):
 
     First ``at`` after the list's start, then every ``every`` ticks on that grid (0: again as soon as
     the others had their turn), ``times`` times (None: for ever). A failed attempt is repeated up to
-    ``retries`` times.
+    ``retries`` times. After a failed turn only every ``skip_after_failure``-th one (1: each) is made, until
+    one is good.
     """
 
     @property
@@ -35,6 +36,10 @@ class Turn(Protocol):
     def retries(self) -> int:
         """How often a failed attempt is repeated."""
 
+    @property
+    def skip_after_failure(self) -> int:
+        """Which of its turns is made after a failed one: 1 is the next."""
+
 
 @dataclass(frozen=True, slots=True)
 class Poll:
@@ -47,6 +52,7 @@ class Poll:
     at: int = 0
     times: int | None = None
     name: str = ""
+    skip_after_failure: int = 1
 
 
 TurnT = TypeVar("TurnT", bound=Turn)
@@ -57,7 +63,9 @@ class PollList(Generic[TurnT]):
 
     Turns that could not be begun before the poll came due again are skipped, not caught up. Of
     several that are due the one after the latest in the list is next. A cycle is over when every
-    poll without ``times`` had a turn: a poll with ``times`` is a command and no part of it. ``pause`` is
+    poll without ``times`` had a turn: a poll with ``times`` is a command and no part of it, nor is one whose
+    turns are left out after a failure. A poll without period that nothing else is due beside has the turns
+    that it leaves out at once. ``pause`` is
     the least time in ticks from the end of a turn to the next one.
     """
 
@@ -72,6 +80,9 @@ class PollList(Generic[TurnT]):
         self._begun = 0
         self._late = 0
         self._cycle_start: int | None = None
+        self._due: list[int | None] = []
+        self._left: list[int | None] = []
+        self._left_out: list[int] = []
         self.drop(start)
 
     @property
@@ -90,12 +101,21 @@ class PollList(Generic[TurnT]):
         """Begin the turn that is next; None if none is due at ``now``."""
         if self.running is not None or now < self._paused:
             return None
-        count = len(self.polls)
-        for step in range(1, count + 1):
-            index = (self._last + step) % count
-            due = self._due[index]
-            if due is not None and due <= now:
-                return self._begin(index, due, now)
+        count, again = len(self.polls), True
+        while again:
+            again = False
+            for step in range(1, count + 1):
+                index = (self._last + step) % count
+                due, poll = self._due[index], self.polls[index]
+                if due is None or due > now:
+                    continue
+                if not self._left_out[index]:
+                    return self._begin(index, due, now)
+                self._left_out[index] -= 1
+                self._unseen.discard(index)
+                if poll.every:
+                    self._due[index] = _next_due(due, poll.every, now)
+                again = again or not poll.every
         return None
 
     def _begin(self, index: int, due: int, now: int) -> TurnT:
@@ -107,8 +127,8 @@ class PollList(Generic[TurnT]):
         if left == 0:
             self._due[index] = None
         else:
-            # The next point of the grid after now; without a period it is due again when it is over.
-            self._due[index] = due + ((now - due) // poll.every + 1) * poll.every if poll.every else now
+            # Without a period it is due again when it is over.
+            self._due[index] = _next_due(due, poll.every, now) if poll.every else now
         self.running = self._last = index
         self._begun = now
         self._attempts = 1
@@ -130,13 +150,14 @@ class PollList(Generic[TurnT]):
             self._attempts += 1
             return poll, ()
         self.running = None
+        self._left_out[index] = 0 if error is None else poll.skip_after_failure - 1
         if self._pause:
             self._paused = now + self._pause
         if not poll.every and self._due[index] is not None:
             self._due[index] = now
         events: list[PollEvent] = [PollEnded(now, index, self._begun, self._attempts, error, self._late)]
         self._unseen.discard(index)
-        if index in self._cyclic and not self._unseen:
+        if index in self._cyclic and all(self._left_out[unseen] for unseen in self._unseen):
             begun = self._begun if self._cycle_start is None else self._cycle_start
             events.append(CycleEnded(now, self._cycles, now - begun))
             self._cycles += 1
@@ -153,5 +174,11 @@ class PollList(Generic[TurnT]):
         self._paused = 0
         self._due = [None if poll.times == 0 else now + poll.at for poll in self.polls]
         self._left = [poll.times for poll in self.polls]
+        self._left_out = [0] * len(self.polls)
         self._last = len(self.polls) - 1
         self._begin_cycle()
+
+
+def _next_due(due: int, every: int, now: int) -> int:
+    """The next point of a grid after now."""
+    return due + ((now - due) // every + 1) * every

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from bussim.exact.metrics import YEAR
 from bussim.exact.polls.master_timing import MasterTiming, Span, exactly
 from bussim.exact.polls.poll_list import PollListModel, PollModel
 
@@ -64,10 +65,12 @@ def at_worst(model: PollListModel, poll: PollModel, tail: int = 0) -> Cost:
 class Round:
     """One master's cycle with a cost for each of its cyclic polls, of which there must be some.
 
-    ``commands`` are the costs of the others.
+    ``commands`` are the costs of the others. ``skips``: turns may be left out after failed ones.
     """
 
-    def __init__(self, model: PollListModel, costs: Sequence[Cost], commands: Sequence[Cost]) -> None:
+    def __init__(
+        self, model: PollListModel, costs: Sequence[Cost], commands: Sequence[Cost], *, skips: bool = False
+    ) -> None:
         self._master_timing = master_timing = model.master_timing
         self._costs = costs
         self._late = master_timing.interval if master_timing.begins_late else 0
@@ -88,12 +91,14 @@ class Round:
         #: Whether the list goes round and round: every poll is due again when its turn comes, since it has
         #: no period, or since one turn of each poll takes longer than its period.
         self.continuous = periods == {0} or (
-            same_start and max(periods) <= sum(cost.own(master_timing) + self._late for cost in costs)
+            not skips
+            and same_start
+            and max(periods) <= sum(cost.own(master_timing) + self._late for cost in costs)
         )
         #: Whether every turn is over before the poll comes due again.
         self.fits = 0 not in periods and self.all + self.commands + self._waits.most <= min(periods)
         # All come due at once and have their turns in the list's order.
-        self._simultaneous = self.fits and len(periods) == 1 and same_start
+        self._simultaneous = self.fits and len(periods) == 1 and same_start and not skips
 
     def time(self) -> Span:
         """From the beginning of the first turn to the end of the last, while no command has a turn."""
@@ -157,6 +162,13 @@ class Round:
             entry = self._first_entry if poll is self._first else self._waits.least
             turn = max(turn, poll.every + self._waits.most - entry)
         return turn + self.all - self._turns[index].most + self.commands
+
+    def turns_a_year(self, index: int) -> float:
+        """How many turns a poll has in a year at most."""
+        every = self._costs[index].poll.every
+        period = self.period()
+        own = self._costs[index].own(self._master_timing) + self._late
+        return YEAR / (max(every, own) if period is None else period.least)
 
     def share(self) -> tuple[float, float]:
         """Bounds of the long-run share of time for which its frames are on the wire."""

@@ -14,6 +14,7 @@ from typing import assert_never
 from bussim.devices.contract import BusDevice, FreeProtocolSettings, MasterSettings, SlaveSettings
 from bussim.devices.lx.map import LxMap
 from bussim.engines.modbus.framing import Framing
+from bussim.exact.polls.failures import LineErrors
 from bussim.exact.polls.master_timing import Direct, Scans, Span, exactly
 from bussim.exact.polls.one_poll import MasterModel, poll_model, too_hasty
 from bussim.exact.polls.poll_list import PollListModel, PollModel
@@ -162,7 +163,8 @@ class _Reader:
 
     def _master(self, master: MasterModel) -> None:
         self.asking.setdefault(master.bus, []).append(master.node)
-        self.masters.append(master)
+        errors = LineErrors.of(self.scenario.noise, master.bus, master.node)
+        self.masters.append(replace(master, errors=errors))
 
     def _no_list(self, port: _Port, why: str) -> None:
         self.broken[port.node] = PollListModel(port.node, port.bus, port.protocol, obstacles=(why,))
@@ -254,7 +256,13 @@ class _Reader:
         owners = [slave.owner for slave in asked if slave.off]
         notes = tuple(self._notes(master, polls, [*off, *owners]))
         return replace(
-            model, tail=master.tail, first_end=master.first_end, polls=tuple(polls), off=off, notes=notes
+            model,
+            tail=master.tail,
+            first_end=master.first_end,
+            polls=tuple(polls),
+            off=off,
+            notes=notes,
+            noise_reasons=tuple(master.errors.reasons),
         )
 
     def _crowd(self, master: MasterModel) -> list[str]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 
 from bussim.exact.polls.cycle import Cost, Round, at_worst, failing, without_errors
+from bussim.exact.polls.failures import Failures, failures
 from bussim.exact.polls.master_timing import Span
 from bussim.exact.polls.poll_list import PollListModel, PollModel
 from bussim.exact.polls.text import remarks, when_off
@@ -21,7 +23,7 @@ class OnePoll:
     to its taking over, ``turn`` to the next request. ``on_arrival`` and ``before_refresh`` are how old its
     values are at most when they are taken over, and when the next ones replace them, commands included;
     ``worst_refresh`` is the latter where every attempt of every poll is spent, but no turn of this one
-    fails, and each turn that fails adds up to ``failed_turn``.
+    fails, and each turn that fails adds up to ``failed_turn``. ``failures`` are of polls without ``times``.
     """
 
     poll: PollModel
@@ -32,6 +34,7 @@ class OnePoll:
     before_refresh: int | None
     worst_refresh: int | None = None
     failed_turn: int | None = None
+    failures: Failures | None = None
 
     def to_json(self) -> dict[str, object]:
         """The poll's entry of the JSON form, times in ms."""
@@ -46,6 +49,8 @@ class OnePoll:
             "times": poll.times,
             "retries": poll.retries,
             "response_ms": span_json(self.response),
+            "response_quantiles_ms": self._quantiles(),
+            "failures": None if self.failures is None else self.failures.to_json(),
             "transaction_ms": span_json(self.transaction),
             "turn_ms": span_json(self.turn),
             "age_ms": {
@@ -56,19 +61,27 @@ class OnePoll:
             },
         }
 
+    def _quantiles(self) -> dict[str, object]:
+        """Of the response time, which is uniform but where the slave responds at its END."""
+        least, width = self.response.least, self.response.most - self.response.least
+        known = not self.poll.waits
+        return {f"p{part}": _ms(least + width * part / 100) if known else None for part in (50, 95, 99)}
+
 
 @dataclass(frozen=True, slots=True)
 class Dead:
     """What follows if slaves are dead (``devices``).
 
     ``lost`` is what its attempts would cost if nothing but the timeout counted: attempts times timeout
-    over the polls that ask it. ``cycle`` is what the whole cycle takes then.
+    over the polls that ask it. ``cycle`` is what the whole cycle takes then, at least where turns are left
+    out, ``mean`` what it takes at most on average over the turns that are made and those left out.
     """
 
     devices: tuple[str, ...]
     polls: tuple[PollModel, ...]
     lost: int
     cycle: Span
+    mean: float
 
     def to_json(self) -> dict[str, object]:
         """The entry of the JSON form, times in ms."""
@@ -77,7 +90,7 @@ class Dead:
             "polls": [poll.name for poll in self.polls],
             "attempts": sum(poll.attempts for poll in self.polls),
             "lost_ms": _ms(self.lost),
-            "cycle_ms": span_json(self.cycle),
+            "cycle_ms": {**span_json(self.cycle), "mean_at_most": _ms(self.mean)},
         }
 
 
@@ -109,6 +122,15 @@ class PollFigures:
     remarks: tuple[str, ...] = field(default=())
 
     @property
+    def failed_a_year(self) -> float | None:
+        """Failed turns of all cyclic polls a year; None where they are not known, or there is no noise."""
+        found = [one.failures for one in self.polls if one.failures is not None]
+        noisy = any(one.poll.hits or one.poll.loss for one in self.polls)
+        if not noisy or any(each.reason for each in found):
+            return None
+        return math.fsum(each.failed_a_year for each in found)
+
+    @property
     def all_dead(self) -> Dead | None:
         """What follows if every slave is dead."""
         return max((*self.dead, *self.more_dead), key=lambda dead: len(dead.devices), default=None)
@@ -128,6 +150,7 @@ class PollFigures:
             "worst_case_ms": _ms(self.worst),
             "worst_case_disturbed_ms": _ms(self.disturbed),
             "command_ms": {"no_error": _ms(self.command), "worst": _ms(self.worst_command)},
+            "failed_turns_per_year": self.failed_a_year,
             "bus_load": {"min": load[0] if load else None, "max": load[1] if load else None},
             "polls": {one.poll.name: one.to_json() for one in self.polls},
             "dead": {dead.devices[0]: dead.to_json() for dead in self.dead},
@@ -182,7 +205,9 @@ def poll_figures(model: PollListModel) -> PollFigures:
 
 
 def _round(model: PollListModel, cost: Callable[[PollModel], Cost]) -> Round:
-    return Round(model, [cost(poll) for poll in model.cyclic], [cost(poll) for poll in model.commands])
+    skips = cost is not without_errors and any(poll.skip > 1 for poll in model.polls)
+    cyclic, commands = ([cost(poll) for poll in polls] for polls in (model.cyclic, model.commands))
+    return Round(model, cyclic, commands, skips=skips)
 
 
 def _one_poll(model: PollListModel, clean: Round | None, worst: Round | None, poll: PollModel) -> OnePoll:
@@ -197,6 +222,9 @@ def _one_poll(model: PollListModel, clean: Round | None, worst: Round | None, po
         on_arrival=None,
         before_refresh=None,
     )
+    if clean is not None and poll.cyclic:
+        a_year = clean.turns_a_year(model.cyclic.index(poll))
+        one = replace(one, failures=failures(model, poll, a_year))
     if not poll.reads:
         return one
     one = replace(one, on_arrival=min(taken.most - poll.served.least, poll.after + master_timing.late))
@@ -207,7 +235,7 @@ def _one_poll(model: PollListModel, clean: Round | None, worst: Round | None, po
         one,
         before_refresh=clean.age(index),
         worst_refresh=worst.age(index, without_errors(poll)),
-        failed_turn=worst.between(index),
+        failed_turn=worst.between(index) * poll.skip,
     )
 
 
@@ -218,7 +246,14 @@ def _dead(model: PollListModel, devices: tuple[str, ...]) -> Dead:
         model, lambda poll: failing(model, poll) if poll.device in devices else without_errors(poll)
     )
     lost = sum(poll.attempts for poll in hit) * model.timeout
-    return Dead(devices, hit, lost, cycle.time())
+    time = cycle.time()
+    others = replace(model, polls=tuple(poll for poll in model.polls if poll not in hit))
+    least_skip = min(poll.skip for poll in hit)
+    if least_skip == 1 or not others.cyclic:
+        return Dead(devices, hit, lost, time, time.most)
+    without = _round(others, without_errors).time()
+    mean = without.most + max(0, time.most - without.most) / least_skip
+    return Dead(devices, hit, lost, Span(without.least, time.most), mean)
 
 
 def span_json(span: Span | None) -> dict[str, object]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 from bussim.engines.modbus.adu import BROADCAST, Mode
@@ -10,6 +10,7 @@ from bussim.engines.modbus.codes import MEANINGS
 from bussim.engines.modbus.framing import Framing, reply_times
 from bussim.engines.modbus.master import refusal
 from bussim.engines.modbus.pdu import MAX_PDU, READS, WRITES, Request, encode_request, response_size
+from bussim.exact.polls.failures import LineErrors
 from bussim.exact.polls.master_timing import MasterTiming, Span, exactly
 from bussim.exact.polls.poll_list import PollModel
 from bussim.exact.polls.slaves import SlaveModel
@@ -36,6 +37,7 @@ class MasterModel:
     begun_holds: bool = False
     plc: bool = True
     first_end: int = 0
+    errors: LineErrors = field(default_factory=LineErrors)
 
     @property
     def tail(self) -> int:
@@ -76,10 +78,11 @@ def poll_model(master: MasterModel, spec: PollSpec, slaves: list[SlaveModel]) ->
         at=spec.at,
         times=spec.times,
         retries=spec.retries,
+        skip=spec.skip_after_failure,
     )
     if spec.station == BROADCAST:
         over = exactly(sent + master.turnaround)
-        return model(device="", response=0, served=over, response_end=over, need=over, after=0)
+        return model(device="", response=0, served=over, response_end=over, need=over, after=0, awaited=over)
     asked = [slave for slave in slaves if slave.station == spec.station]
     heard = [slave for slave in asked if slave.understands(master.framing.mode, master.timing)]
     if not heard:
@@ -93,16 +96,19 @@ def poll_model(master: MasterModel, spec: PollSpec, slaves: list[SlaveModel]) ->
     refused = slave.refuses(request, valued=bool(spec.values) and not is_bits(spec.function))
     if refused:
         return f"{slave.name} refuses it every time: {refused}"
-    response = slave.timing.characters(slave.framing.chars(response_size(request)))
+    answer = slave.framing.chars(response_size(request))
+    response = slave.timing.characters(answer)
     served, end = _response_times(slave, sent, response)
-    awaited = end.most - response if master.begun_holds else end.most
-    if awaited > sent + master.timeout:
-        always = end.least - (response if master.begun_holds else 0) > sent + master.timeout
+    begins = response if master.begun_holds else 0
+    awaited = Span(end.least - begins, end.most - begins)
+    if awaited.most > sent + master.timeout:
+        always = awaited.least > sent + master.timeout
         span = _ms_span(Span(end.least - sent, end.most - sent))
         late = "never comes in time" if always else "may come too late"
         return f"the response of {slave.name} takes {span} from the request's end on: it {late}"
     quiet = exactly(master.framing.closing)
     # Who takes its values early waits for its delay to be over.
+    bits = [count * slave.timing.format.bits for count in (size, answer)]
     early = max(served.least, sent + slave.delay) - served.least
     after = early + slave.spread + slave.extra.most + response + quiet.most
     return model(
@@ -112,6 +118,10 @@ def poll_model(master: MasterModel, spec: PollSpec, slaves: list[SlaveModel]) ->
         response_end=end,
         need=end + quiet,
         after=after,
+        awaited=awaited,
+        bits=sum(bits),
+        hits=master.errors.hits(slave.name, *bits),
+        loss=master.errors.loss(slave.name),
         waits=slave.end > 0,
     )
 

@@ -15,8 +15,10 @@ class PollModel:
     request's first edge: to the moment when the slave takes its values, to the last stop bit of the response
     (of a broadcast: to the end of the turnaround), and to the master's decision; ``after`` is the longest
     time from the first of them to the last. ``waits`` says that the slave responds at its END, so that
-    nothing is uniform about them. ``request`` and ``response`` are how long the two frames last. For
-    ``every``, ``at``, ``times`` and ``retries`` see :class:`~bussim.plc.ports.spec.PollSpec`.
+    nothing is uniform about them. ``awaited`` is when the timeout may not be over yet. ``request`` and
+    ``response`` are how long the two frames last. ``hits`` are bits of both with their error rates, ``bits``
+    all of them, ``loss`` is the chance that the reply vanishes. For ``every``, ``at``, ``times``, ``retries``
+    and ``skip`` see :class:`~bussim.plc.ports.spec.PollSpec`.
     """
 
     name: str
@@ -31,11 +33,16 @@ class PollModel:
     response_end: Span
     need: Span
     after: int
+    awaited: Span
+    bits: int = 0
+    hits: tuple[tuple[int, float], ...] = ()
+    loss: float = 0.0
     waits: bool = False
     every: int = 0
     at: int = 0
     times: int | None = None
     retries: int = 0
+    skip: int = 1
 
     @property
     def cyclic(self) -> bool:
@@ -59,8 +66,8 @@ class PollListModel:
 
     ``tail`` is how long after the timeout a failing attempt is decided at the latest: what has begun to
     arrive must be over. ``first_end`` is the least time from RUN to the first END. ``off`` are the slaves
-    that are switched off for the whole run; the figures without
-    errors are those with them.
+    that are switched off for the whole run; the figures without errors are those with them.
+    ``noise_reasons`` say why it is not known how often attempts fail.
     """
 
     node: str
@@ -75,6 +82,7 @@ class PollListModel:
     off: tuple[str, ...] = ()
     obstacles: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    noise_reasons: tuple[str, ...] = ()
 
     @property
     def valid(self) -> bool:

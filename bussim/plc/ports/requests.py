@@ -33,4 +33,13 @@ def poll_of(spec: PollSpec) -> Poll:
     if spec.function in WRITES and len(spec.values) != spec.count:
         raise ValueError(f"poll {spec.name} of {spec.count} has so many values: {len(spec.values)}")
     request = make_request(spec.function, spec.address, spec.count, spec.values)
-    return Poll(spec.station, request, spec.every, spec.retries, spec.at, spec.times, spec.name)
+    return Poll(
+        spec.station,
+        request,
+        spec.every,
+        spec.retries,
+        spec.at,
+        spec.times,
+        spec.name,
+        spec.skip_after_failure,
+    )

@@ -31,7 +31,8 @@ class PollSpec:
     read to itself. ``values``, for a write, are what is written: moved to ``device`` first where
     there is one. It is due ``at`` ticks after RUN (an HMI: after power-on) and then every ``every``
     ticks (0: as soon as the others had their turn), ``times`` times (None: for ever). A failed attempt is
-    repeated up to ``retries`` times.
+    repeated up to ``retries`` times; after a failed turn only every ``skip_after_failure``-th one is made
+    until one is good.
     """
 
     name: str  # unique among the polls of its master
@@ -46,6 +47,7 @@ class PollSpec:
     at: int = 0
     times: int | None = None
     retries: int = 0
+    skip_after_failure: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,3 +80,8 @@ class FreeSpec:
     def retries(self) -> int:
         """None: a turn of the free protocol is not repeated."""
         return 0
+
+    @property
+    def skip_after_failure(self) -> int:
+        """Each turn is made: one of the free protocol does not fail."""
+        return 1

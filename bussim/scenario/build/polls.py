@@ -60,6 +60,6 @@ def _free(name: str, poll: PollIn) -> FreeSpec:
 def written_poll(poll: TransactionIn) -> dict[str, object]:
     """A poll in the file's own form. A name that it was not given stays open: what it asks names it."""
     if poll.function is not None:
-        return as_written(poll, count=poll.quantity, retries=0)
+        return as_written(poll, count=poll.quantity, retries=0, skip_after_failure=1)
     data = poll.data or poll.text if isinstance(poll, PollIn) else None
     return as_written(poll, **({} if data is None else {"send_count": len(data)}))

@@ -23,7 +23,7 @@ from bussim.scenario.yaml.source_map import Path, Report
 from bussim.wording import counted, suggest
 
 #: Keys of a Modbus poll only, and of a free-protocol one only.
-_MODBUS_KEYS = ("station", "function", "address", "from_", "values", "retries")
+_MODBUS_KEYS = ("station", "function", "address", "from_", "values", "retries", "skip_after_failure")
 _FREE_KEYS = ("send", "send_count", "data", "text")
 #: Devices that coils are read into and written from.
 _COIL_LETTERS = "DMSY"

@@ -41,6 +41,7 @@ class TransactionIn(Model):
     at: Time = 0
     times: Times | None = None
     retries: Annotated[int, whole(0, 100)] | None = None
+    skip_after_failure: Annotated[int, whole(1, 1000)] | None = None
 
     @property
     def quantity(self) -> int:

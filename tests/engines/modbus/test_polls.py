@@ -295,3 +295,44 @@ def test_a_timeout_shorter_than_the_slaves_delay_meets_late_replies() -> None:
     late = [event for event in ended if event.error is None and event.answer_start - event.asked < 50 * MS]
     assert late
     assert any(event.error is PortError.TIMEOUT for event in ended)
+
+
+def outcomes(polls: list[Poll], *, off: int, back: int, until: int) -> tuple[str, list[int]]:
+    """Whose turns there are, of 10 ticks each, of which those of poll ``off`` fail before ``back``; when cycles ended."""
+    dealer = PollList(polls)
+    begun, ended, now = "", [], 0
+    while (now := max(now, dealer.next_due() or 0)) < until:
+        if dealer.take(now) is None:
+            continue
+        index = dealer.running or 0
+        begun, now = begun + "abc"[index], now + 10
+        _, events = dealer.ended(now, PortError.TIMEOUT if index == off and now <= back else None)
+        ended += [event.tick for event in events if isinstance(event, CycleEnded)]
+    return begun, ended
+
+
+def test_a_poll_that_failed_leaves_turns_out() -> None:
+    # b is off: it is asked in each third turn only, and no cycle waits for it.
+    polls = [Poll(1, READ), Poll(2, READ, skip_after_failure=3), Poll(3, READ)]
+    begun, ended = outcomes(polls, off=1, back=999, until=140)
+    assert begun == "abc" + "ac" + "ac" + "abc" + "ac" + "ac"
+    assert ended == [30, 50, 70, 100, 120, 140]
+    # From 60 on it is there again: once it has been asked, each turn is made.
+    begun, _ = outcomes(polls, off=1, back=60, until=140)
+    assert begun == "abc" + "ac" + "ac" + "abc" + "abc" + "a"
+
+
+def test_a_period_goes_on_while_turns_are_left_out() -> None:
+    polls = [Poll(1, READ, every=100, skip_after_failure=4)]
+    dealer = PollList(polls)
+    begun, now = [], 0
+    while now < 1000:
+        now = max(now, dealer.next_due() or 0)
+        if dealer.take(now) is not None:
+            begun.append(now)
+            dealer.ended(now + 10, PortError.TIMEOUT if now < 500 else None)
+    assert begun == [0, 400, 800, 900, 1000]
+
+
+def test_with_nothing_else_due_turns_are_left_out_at_once() -> None:
+    assert outcomes([Poll(1, READ, skip_after_failure=9)], off=0, back=99, until=50)[0] == "aaaaa"

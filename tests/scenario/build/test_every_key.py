@@ -84,8 +84,8 @@ plcs:
       COM3: {bus: feeder, protocol: modbus-rtu-master, timeout: 150 ms, interval: 10 ms}
       COM5: {bus: codes, protocol: free, timeout: 2 s, start: 2, end: 13, eight_bit: true, baud: 9600, format: 8N2, cpavl: {words: D7000, bits: M2000}}
     polls:
-      - {name: get, port: COM3, station: 1, function: 3, address: 22, count: 2, to: D400, every: 200 ms, at: 1 s, times: 5, retries: 1}
-      - {name: put, port: COM3, station: 1, function: 16, address: 10, count: 2, values: [3, 4], from: D520, retries: 0}
+      - {name: get, port: COM3, station: 1, function: 3, address: 22, count: 2, to: D400, every: 200 ms, at: 1 s, times: 5, retries: 1, skip_after_failure: 3}
+      - {name: put, port: COM3, station: 1, function: 16, address: 10, count: 2, values: [3, 4], from: D520, retries: 0, skip_after_failure: 1}
       - {name: out, port: COM5, send: D600, send_count: 9, data: 02 41, to: D300, count: 20}
       - {name: say, port: COM5, send_count: 3, send: D610, text: abc}
     sources:
@@ -98,7 +98,7 @@ plcs:
     inputs:
       X0: {pulse: {width: 50 ms, every: 2 s, at: 1 s, times: 3}}
       X1: {square: {period: 500 ms, at: 1 s}}
-      X2: {random: {on: 1 s, off: 2 s, seed: 3}}
+      X2: {random: {"on": 1 s, "off": 2 s, seed: 3}}
       X3: {times: [1 s, 2 s]}
       X4: {square: {period: 700 ms, at: 1 s}}
   - name: press2
@@ -112,8 +112,8 @@ devices:
     model: hmi
     bus: feeder
     polls:
-      - {name: look, station: 1, function: 3, address: 0, count: 2, every: 300 ms, at: 1 s, times: 4, retries: 2}
-      - {name: push, station: 1, function: 6, address: 9, count: 1, values: [7], every: 400 ms, at: 1 s, times: 4, retries: 2}
+      - {name: look, station: 1, function: 3, address: 0, count: 2, every: 300 ms, at: 1 s, times: 4, retries: 2, skip_after_failure: 4}
+      - {name: push, station: 1, function: 6, address: 9, count: 1, values: [7], every: 400 ms, at: 1 s, times: 4, retries: 2, skip_after_failure: 1}
 noise:
   - {name: hiss, bus: link, station: press2, direction: tx, at: 1 s, for: 2 s, measured: line.sr, ber: 1.0e-6}
   - {bus: link, at: 0 s, burst: {good: 10 s, bad: 20 ms, ber_good: 1.0e-9, ber_bad: 1.0e-2}}

@@ -107,6 +107,7 @@ def test_every_default_of_ports_polls_and_devices_is_written() -> None:
         "every": "0 s",
         "at": "0 s",
         "retries": 0,
+        "skip_after_failure": 1,
         "port": "COM3",
         "to": "D400",
     }

@@ -245,7 +245,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
         [
             "x.yaml:24:50: polls.0.address is missing",
             "x.yaml:24:122: polls.1.count is 126, allowed 1..125 (function 3)",
-            "x.yaml:24:127: polls.1.to is not a key here; allowed are name, station, function, address, count, values, every, at, times, retries",
+            "x.yaml:24:127: polls.1.to is not a key here; allowed are name, station, function, address, count, values, every, at, times, retries, skip_after_failure",
             "x.yaml:24:136: polls.2 writes nothing; expected values (function 6)",
         ],
     ),
