@@ -31,6 +31,8 @@ Mask = NDArray[np.bool_]
 _BURST_SAMPLES, _WEAKER_SAMPLES = 8, 30
 #: Components lighter than this are dropped from the gaps: a few a year are looked for, of 1e9.
 _GAP_FLOOR = 1e-14
+#: How far the steps of a grid may put the chance of a scan over a deadline off, as a part of it.
+_GRID_ERROR = 1e-3
 #: With more station errors a scan than this a link is out of order, whatever the goal allows: only up to
 #: there more noise always makes all figures worse.
 MOST_ERRORS = 0.05
@@ -69,7 +71,7 @@ class Checked:
         if goals.onsets is not None:
             self.met["onsets"] = grid.onsets <= goals.onsets
         if goals.scan is not None:
-            self.values["scan"] = grid.over[goals.scan[0]]
+            self.values["scan"] = self._over(*goals.scan)
             self.met["scan"] = self.values["scan"] <= goals.scan[1]
         if goals.dead is not None:
             self.met["dead"] = grid.one_dead <= goals.dead
@@ -79,6 +81,17 @@ class Checked:
         #: with which it is so too often.
         self.missed = np.full(grid.mean.shape, np.nan)
         self.refused = np.zeros(grid.mean.shape, dtype=np.bool_)
+
+    def _over(self, deadline: int, level: float) -> Floats:
+        """The chance of a scan over a deadline; where the grid's steps might decide, by the law itself."""
+        over = self.grid.over[deadline].copy()
+        if not self.memoryless:
+            return over  # the law's own
+        for row, column in np.argwhere(np.abs(over - level) <= _GRID_ERROR * level).tolist():
+            setting = self.grid.attempts[row], self.grid.timeouts[column]
+            laws = (Solved(view.with_setting(*setting)).distribution for view in self.views)
+            over[row, column] = max(float(law.tail(float(deadline))) for law in laws)
+        return over
 
     @property
     def names(self) -> tuple[str, ...]:

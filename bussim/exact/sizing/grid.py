@@ -26,8 +26,8 @@ from bussim.units import TICKS_PER_US
 
 #: Step of a row's grid in ticks, and the most cells that all rows have together.
 _STEP, _CELLS = 10.0 * TICKS_PER_US, 4_000_000
-#: Components lighter than this are left out.
-_LIGHT = 1e-11
+#: Components lighter than this are left out; what they weigh together counts as beyond every deadline.
+_LIGHT = 1e-14
 
 
 class Grid:
@@ -126,9 +126,10 @@ def _fill(grid: Grid, row: int, count: int, stacks: TimeoutStacks, *, details: b
         grid.detect_longest[row] = np.max(longest, axis=0)
         grid.silence[row] = ride_through(model, count, tau).silence
     if grid.over and model.noise.memoryless:
-        rows = _Rows.of(scan_components(model, _LIGHT))
+        components = scan_components(model, _LIGHT)
+        rows = _Rows.of(components)
         for deadline, values in grid.over.items():
-            values[row] = rows.tail(np.full(tau.size, float(deadline)), tau)
+            values[row] = rows.tail(np.full(tau.size, float(deadline)), tau) + components.lost
     elif grid.over:
         for column in np.flatnonzero(grid.valid).tolist():
             distribution = Solved(model.with_setting(count, grid.timeouts[column])).distribution

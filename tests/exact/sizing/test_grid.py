@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from bussim.exact.link import LinkModel
 from bussim.exact.metrics import YEAR, Request, figures_of
 from bussim.exact.scan.memoryless import fails_of, probabilities_of
+from bussim.exact.sizing.evaluation import Checked
+from bussim.exact.sizing.goals import Goals
 from bussim.exact.sizing.grid import evaluate
 from bussim.plc.profiles import Turnaround
 from tests.exact.links import MS, PROBE, change, link, with_burst, with_noise
@@ -52,7 +54,17 @@ def test_a_grid_is_its_settings(name: str) -> None:
         assert grid.detect_longest[i, j] == pytest.approx(figures.detect_longest, rel=1e-9)
         assert grid.silence[i, j] == figures.silence
         over = figures.over[150 * MS]
-        assert grid.over[150 * MS][i, j] == pytest.approx(over, rel=1e-2, abs=1e-9)
+        assert grid.over[150 * MS][i, j] == pytest.approx(over, rel=1e-3, abs=1e-12)
+
+
+def test_a_chance_near_its_limit_is_decided_by_the_law() -> None:
+    """Of thousands of light components none is forgotten: just below the true chance a goal is not met."""
+    model, deadline = link(4, mode=4, ber=3e-4, attempts=10, timeout=80), 1_088 * MS
+    grid = evaluate(model, (10,), [80 * MS], (deadline,))
+    over = figures_of(model, Request(levels={}, deadlines=(deadline,), refresh=False)).over[deadline]
+    assert grid.over[deadline][0, 0] == pytest.approx(over, rel=1e-3)
+    for level, met in ((over * (1 - 1e-6), False), (over * (1 + 1e-6), True)):
+        assert Checked([model], grid, Goals(scan=(deadline, level))).met["scan"][0, 0] == met
 
 
 @pytest.mark.slow
