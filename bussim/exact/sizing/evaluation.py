@@ -84,7 +84,7 @@ class Checked:
 
     def _over(self, deadline: int, level: float) -> Floats:
         """The chance of a scan over a deadline; where the grid's steps might decide, by the law itself."""
-        over = self.grid.over[deadline].copy()
+        over: Floats = self.grid.over[deadline].copy()
         if not self.memoryless:
             return over  # the law's own
         for row, column in np.argwhere(np.abs(over - level) <= _GRID_ERROR * level).tolist():
