@@ -7,10 +7,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from bussim.engines.modbus.adu import LAST_RESERVED, Mode
-from bussim.engines.modbus.events import FrameRejected
+from bussim.engines.modbus.events import FrameRejected, TransactionEnded
 from bussim.engines.modbus.framing import Framing
-from bussim.engines.modbus.gaps import STANDARD_GAPS
+from bussim.engines.modbus.gaps import STANDARD_GAPS, silences
 from bussim.engines.modbus.master import MasterConfig
+from bussim.engines.modbus.pdu import Request, encode_request
 from bussim.engines.modbus.polls import Poll, PollList
 from bussim.engines.modbus.resync import ResyncingMaster
 from bussim.engines.modbus.server import RegisterMap
@@ -19,9 +20,15 @@ from bussim.errors import UsageError
 from bussim.line.characters import CharFormat, LineTiming
 from bussim.live.runner import EngineRunner, Handling
 from bussim.live.wire import Wire
+from bussim.units import round_half_up
 
 #: What the standard asks for: RTU 8E1, ASCII 7E1.
 STANDARD_FORMATS = {Mode.RTU: CharFormat(8, "E", 1), Mode.ASCII: CharFormat(7, "E", 1)}
+
+#: With which function is read what one writes whose response equals the request.
+_READ_BACK = {5: 1, 6: 3}
+#: Bytes of the PDU of such a write.
+_WRITE_ONE_SIZE = 5
 
 
 class ModbusHandling(Handling):
@@ -104,3 +111,45 @@ def master_runner(
     except ValueError as error:
         raise UsageError(str(error)) from error
     return EngineRunner(engine, wire, quiet=quiet, mode=mode, handling=handling)
+
+
+class EchoCheck:
+    """Tells an adapter's echo from the response to a write of one item, which is the request once more."""
+
+    def __init__(self, wire: Wire, mode: Mode, timeout: int) -> None:
+        self._wire, self._timeout = wire, timeout
+        self._framing, _ = live_framing(mode, wire)
+        self._silence = round_half_up(silences(wire.timing, STANDARD_GAPS)[1])  # a slave waits for it
+        #: Whether what is sent comes back; None where nothing made that likely.
+        self.found: bool | None = None
+
+    def doubts(self, written: TransactionEnded) -> bool:
+        """Whether what was taken is an echo: it came before a station can have responded, and so do reads.
+
+        A read of what was written is sent, once: its response cannot equal it. Nothing else may be under way.
+        """
+        asked, end, wire = written.asked, written.answer_end, self._wire
+        if written.error is not None or asked is None or end is None or wire.options.echo:
+            return False
+        function = _READ_BACK.get(written.request.function)
+        chars = 0 if wire.instant else wire.timing.characters(self._framing.chars(_WRITE_ONE_SIZE))
+        if function is None or end - asked >= self._silence + chars:
+            return False
+        if self.found is None:
+            self.found = self._comes_back(written.station, Request(function, written.request.address, 1))
+        return self.found
+
+    def _comes_back(self, station: int, read: Request) -> bool:
+        wire, clock = self._wire, self._wire.clock
+        sent = self._framing.encode(station, encode_request(read)).chars
+        begun = clock.now() + self._silence
+        while clock.now() < begun:
+            wire.read(begun)
+        wire.write(sent)
+        heard, until = b"", clock.now() + wire.timing.characters(len(sent)) + self._timeout
+        while wire.connected and (now := clock.now()) < until:
+            data = wire.read(until)
+            heard += data
+            if data:  # what follows at once belongs to it
+                until = min(until, now + self._framing.quiet)
+        return heard.startswith(sent)

@@ -24,7 +24,8 @@ from bussim.live.modbus import ModbusHandling
 class Turn:
     """A turn of a poll: its index in the list, and its attempts, the last of which decided it.
 
-    ``instead`` is an earlier request, which had timed out, that the response taken may answer.
+    ``instead`` is an earlier request, which had timed out, that the response taken may answer. ``echoed``:
+    what was taken is no response, but the request that the adapter returns.
     """
 
     index: int
@@ -32,6 +33,7 @@ class Turn:
     attempts: tuple[TransactionEnded, ...]
     ended: PollEnded
     instead: Unanswered | None = None
+    echoed: bool = False
 
     @property
     def last(self) -> TransactionEnded:
@@ -41,7 +43,12 @@ class Turn:
     @property
     def responded(self) -> bool:
         """Whether the station responded at all, be it with an exception."""
-        return self.last.error is None or self.last.exception > 0
+        return self.ok or self.last.exception > 0
+
+    @property
+    def ok(self) -> bool:
+        """Whether a good response was taken."""
+        return self.last.error is None and not self.echoed
 
     @property
     def mismatched(self) -> bool:
@@ -76,6 +83,8 @@ class PollTurns(ModbusHandling):
         self._on_turn = on_turn
         self._rounds = rounds
         self._on_late = on_late
+        #: Requests that came back.
+        self.echoes = 0
         self._instead: Unanswered | None = None
         self._attempts: list[TransactionEnded] = []
         self._turns = [0] * len(polls)
@@ -107,6 +116,8 @@ class PollTurns(ModbusHandling):
                     self._turns[index] += 1
                     self._on_turn(Turn(index, self._polls[index], attempts, event, self._instead))
                 self._instead = None
+            case ForeignFrame(echo=True):
+                self.echoes += 1
             case ForeignFrame(late=None):
                 self.rejected["nobody was asked for it"] += 1
             case ForeignFrame(taken=True):

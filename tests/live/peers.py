@@ -59,15 +59,21 @@ class PymodbusServer:
     """A pymodbus server in a thread, on one end of a pair of pseudo-terminals; ``device`` is the other.
 
     Station 1 has the given holding registers and coils, four each of the other two kinds. ``delays`` are
-    seconds by which its first responses come later.
+    seconds by which its first responses come later; ``echo`` is the adapter's in front of it.
     """
 
     def __init__(
-        self, mode: Mode, registers: list[int], coils: list[bool], delays: Sequence[float] = ()
+        self,
+        mode: Mode,
+        registers: list[int],
+        coils: list[bool],
+        delays: Sequence[float] = (),
+        *,
+        echo: bool = False,
     ) -> None:
         self._mode, self._registers, self._coils = mode, registers, coils
         self._delays = iter(delays)
-        self._pair = TerminalPair()
+        self._pair = TerminalPair(echo=echo)
         self.device = self._pair.left
         self._loop = asyncio.new_event_loop()
         self._ready = threading.Event()
@@ -131,9 +137,13 @@ class PymodbusServer:
 
 
 class TerminalPair:
-    """Two pseudo-terminals whose inner ends a thread joins: a null-modem cable."""
+    """Two pseudo-terminals whose inner ends a thread joins: a null-modem cable.
 
-    def __init__(self) -> None:
+    With ``echo`` the left end receives what it sends, too, as some RS485 adapters do.
+    """
+
+    def __init__(self, *, echo: bool = False) -> None:
+        self._echo = echo
         self._ends = [PseudoTerminal(), PseudoTerminal()]
         self.left, self.right = (end.device for end in self._ends)
         self._stop = threading.Event()
@@ -147,6 +157,8 @@ class TerminalPair:
             data = source.read(0.05)
             if data:
                 self.carried[side] += data
+                if self._echo and side == 0:
+                    source.write(data)
                 target.write(data)
 
     def __enter__(self) -> TerminalPair:

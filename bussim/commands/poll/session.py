@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack, closing
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -38,6 +39,9 @@ COLUMNS = {
     "response_ms": MILLISECONDS,
     "values": TEXT,
 }
+
+#: The outcome of a write whose response was the adapter's echo.
+_ECHO = "echo, no response"
 
 
 class _ShownWire(Wire):
@@ -83,7 +87,9 @@ class Tally:
             if attempt.error is not None:
                 word = _outcome(attempt.error, attempt.exception)
                 self.errors[word] = self.errors.get(word, 0) + 1
-        if turn.last.error is None:
+        if turn.echoed:
+            self.errors[_ECHO] = self.errors.get(_ECHO, 0) + 1
+        elif turn.ok:
             self.ok += 1
             self.values = _values(turn, self.planned)
         elif turn.last.exception:
@@ -127,7 +133,7 @@ def poll(
     ``verbose`` shows every byte. Returns the exit code: 1 if a turn failed or ended with an exception.
     """
     from bussim.engines.modbus.polls import PollList
-    from bussim.live.modbus import master_runner
+    from bussim.live.modbus import EchoCheck, master_runner
     from bussim.live.stopping import Stopping
 
     tallies = [Tally(planned) for planned in plan.polls]
@@ -138,6 +144,8 @@ def poll(
         table = None if csv is None else stack.enter_context(closing(_table(csv)))
 
         def on_turn(turn: Turn) -> None:
+            if echo.doubts(turn.last):
+                turn = replace(turn, echoed=True)
             tally = tallies[turn.index]
             tally.add(turn)
             if table is not None:
@@ -163,6 +171,7 @@ def poll(
             resync=plan.resync,
             handling=turns,
         )
+        echo = EchoCheck(wire, plan.mode, plan.timeout)
         stop = stack.enter_context(Stopping())
         stack.callback(runner.close)
         runner.start()
@@ -179,6 +188,7 @@ def poll(
         "format": str(plan.line.format),
         "duration_s": round(seconds(duration), 6),
         "polls": [tally.to_json() for tally in tallies],
+        "echo": bool(echoes := echo.found or turns.echoes),
         "rejected_frames": dict(sorted(turns.rejected.items())),
         "port": wire.counts.to_json(),
     }
@@ -186,7 +196,9 @@ def poll(
         print_json(summary)
     else:
         _show(tallies, summary)
-    return 1 if any(tally.ok < tally.turns or tally.mismatched for tally in tallies) else 0
+    if echoes:
+        click.echo(f"{url} returns what is sent, as some adapters do: use --echo", err=True)
+    return 1 if echoes or any(tally.ok < tally.turns or tally.mismatched for tally in tallies) else 0
 
 
 def _thrown_away(frame: ForeignFrame, tallies: list[Tally]) -> str:
@@ -210,7 +222,7 @@ def _table(path: Path) -> CsvTable:
 def _row(turn: Turn, planned: Planned) -> tuple[str | int | None, ...]:
     """The row of a turn, in the order of :data:`COLUMNS`."""
     request, response = planned.poll.request, turn.response
-    values = _values(turn, planned) if turn.last.error is None else []
+    values = _values(turn, planned) if turn.ok else []
     return (
         nanoseconds(turn.ended.start),
         planned.poll.station,
@@ -218,10 +230,15 @@ def _row(turn: Turn, planned: Planned) -> tuple[str | int | None, ...]:
         request.address,
         request.quantity,
         len(turn.attempts),
-        "ok" if turn.last.error is None else _outcome(turn.last.error, turn.last.exception),
+        _word(turn),
         None if response is None else nanoseconds(response),
         " ".join(map(str, values)) or None,
     )
+
+
+def _word(turn: Turn) -> str:
+    error = turn.last.error
+    return _ECHO if turn.echoed else "ok" if error is None else _outcome(error, turn.last.exception)
 
 
 def _outcome(error: int, exception: int) -> str:
@@ -243,10 +260,9 @@ def _values(turn: Turn, planned: Planned) -> list[int | float | str]:
 
 def _line(turn: Turn, planned: Planned) -> str:
     """A turn for people: ``station 1  [1] 17  [2] 18  (2.4 ms)``."""
-    last = turn.last
     tries = f" after {len(turn.attempts)} attempts" if len(turn.attempts) > 1 else ""
-    if last.error is not None:
-        return f"{planned.name}  {_outcome(last.error, last.exception)}{tries}"
+    if not turn.ok:
+        return f"{planned.name}  {_word(turn)}{tries}"
     width = 1 if planned.form is None else planned.form.registers
     values = _values(turn, planned)
     if values:

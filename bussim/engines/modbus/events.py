@@ -31,7 +31,8 @@ class Unanswered:
 class ForeignFrame:
     """Master: a sound frame that is not the awaited response; it goes on waiting, unless ``taken``.
 
-    ``late`` is the earlier request that the frame answers, None where it is of another station.
+    ``late`` is the earlier request that the frame answers, None where it is of another station. ``echo``: it
+    begins with the request itself, and is no response to it.
     """
 
     tick: int
@@ -39,6 +40,7 @@ class ForeignFrame:
     station: int
     late: Unanswered | None = None
     taken: bool = False
+    echo: bool = False
 
 
 @dataclass(frozen=True, slots=True)

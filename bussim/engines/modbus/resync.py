@@ -20,6 +20,9 @@ from bussim.units import TICKS_PER_SECOND
 #: How long after its request a response may come: timeouts, and seconds at least (assumed).
 _TIMEOUTS, _SECONDS = 3, 1
 
+#: Functions whose good response is the request once more: Application Protocol V1.1b3, 6.5 and 6.6.
+_ECHOED = (5, 6)
+
 
 class ResyncingMaster(PollingMaster):
     """A :class:`PollingMaster` that receives between its transactions, too.
@@ -84,6 +87,9 @@ class ResyncingMaster(PollingMaster):
         return next((one for one in self._unanswered if _answers(adu, one.station, one.request)), None)
 
     def _accepted(self, adu: Adu, start: int, end: int, now: int) -> int:
+        if adu.chars == self._adu.chars and self._request.function not in _ECHOED:
+            self._events.append(ForeignFrame(now, start, adu.station, echo=True))
+            return EVENTS | (self._timed_out(now) if self._overdue else 0)
         late = self._late(adu, now)
         if late is None:
             return super()._accepted(adu, start, end, now)
@@ -96,6 +102,12 @@ class ResyncingMaster(PollingMaster):
         self._doubtful = Unanswered(self._station, self._request, self._asked or now)
         self._unanswered.append(self._doubtful)
         return super()._accepted(adu, start, end, now)
+
+    def _damaged(self, damage: Adu | Damage | None, now: int, *, certain: bool = False) -> int:
+        # An echo and the response behind it that came in one go, or an echo alone of a longer frame.
+        if isinstance(damage, Damage) and damage.chars.startswith(self._adu.chars):
+            self._events.append(ForeignFrame(now, damage.start, self._station, echo=True))
+        return super()._damaged(damage, now, certain=certain)
 
     def _timed_out(self, now: int) -> int:
         self._unanswered.append(Unanswered(self._station, self._request, self._asked or now))

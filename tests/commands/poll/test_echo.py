@@ -1,0 +1,56 @@
+"""An adapter that returns what is sent, in front of a pymodbus server or of nobody."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import pytest
+
+from bussim.cli import main
+from bussim.engines.modbus.adu import Mode
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
+if sys.platform != "win32":
+    from tests.live.peers import PymodbusServer
+
+LINE = ("-b", "115200", "-d", "8", "-P", "none", "-o", "300 ms", "--json")
+
+
+def polled(
+    capsys: pytest.CaptureFixture[str], url: str, *options: str, mode: str = "rtu"
+) -> tuple[int, dict[str, object], str]:
+    code = main(["poll", url, *LINE, "-m", mode, *options])
+    out, err = capsys.readouterr()
+    found = json.loads(out)
+    return code, {key: found["polls"][0][key] for key in ("ok", "values")} | {"echo": found["echo"]}, err
+
+
+@pytest.mark.parametrize("mode", list(Mode))
+@pytest.mark.parametrize("options", [("-1",), ("100",), ("-t", "0", "1"), ("1", "2")])
+def test_an_echo_is_no_success(
+    mode: Mode, options: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, found, err = polled(capsys, "loop://", *options, mode=mode.value)
+    assert (code, found["ok"], found["echo"]) == (1, 0, True)
+    assert "--echo" in err
+
+
+@pytest.mark.parametrize(("options", "value"), [(("-1",), [107]), (("100",), [])])
+def test_echo_and_response_are_told_apart(
+    options: tuple[str, ...], value: list[int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with PymodbusServer(Mode.RTU, [107], [True], echo=True) as server:
+        code, _, err = polled(capsys, server.device, *options)
+        assert (code, "--echo" in err) == (1, True)
+        code, found, err = polled(capsys, server.device, *options, "--echo")
+        assert (code, found["ok"], "--echo" in err) == (0, 1, False)
+    if value:
+        assert found["values"] == value
+
+
+@pytest.mark.parametrize("mode", list(Mode))
+def test_a_server_that_responds_at_once_is_no_echo(mode: Mode, capsys: pytest.CaptureFixture[str]) -> None:
+    with PymodbusServer(mode, [107], [True]) as server:
+        code, found, _ = polled(capsys, server.device, "100", mode=mode.value)
+    assert (code, found["ok"], found["echo"]) == (0, 1, False)
