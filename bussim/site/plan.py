@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from math import prod
 from statistics import median
 from typing import Any
 
@@ -39,10 +40,10 @@ class Watch:
         return {"reading": self.reading, "watch_s": self.seconds, "costs": self.costs}
 
 
-def expected_failures(picture: Picture) -> tuple[float, bool]:
-    """The probability of a failed attempt, of a station in the middle; whether it is an upper limit."""
+def expected_failures(picture: Picture) -> tuple[list[float], bool]:
+    """The probabilities of a failed attempt at stations that have any; without any, the upper limits (True)."""
     values = [fails.value for fails in picture.fails.values() if fails.value > 0]
-    return (median(values), False) if values else (median(f.high for f in picture.fails.values()), True)
+    return (values, False) if values else ([fails.high for fails in picture.fails.values()], True)
 
 
 def plan(picture: Picture) -> list[Watch]:
@@ -50,26 +51,21 @@ def plan(picture: Picture) -> list[Watch]:
     return list(_watches(picture, expected_failures(picture)[0]))
 
 
-def _watches(picture: Picture, p: float) -> Iterator[Watch]:
-    link, slaves = picture.link, picture.link.settings.slaves
+def _watches(picture: Picture, fails: list[float]) -> Iterator[Watch]:
+    link, p = picture.link, median(fails)
     scans = TICKS_PER_SECOND / link.healthy
-    bits = link.model.poll_bits + link.data_bits
-    ber = root(lambda b: link.damaged(b, bits), p, 1e-2)
+    ber = root(lambda b: link.damaged(b, link.model.poll_bits + link.data_bits), p, 1e-2)
     wire = "nothing; tells noise on the wire and in receivers only"
     yield Watch("D8203 of the slaves", scans * link.master_damaged(ber), wire)
-    failing = 1 - (1 - p) ** slaves
+    healthy = prod(1 - each for each in fails)
     ladder = "some instructions in the master; all stations together"
-    yield Watch("the ladder", scans * failing * (1 - failing), ladder)
+    yield Watch("the ladder", scans * healthy * (1 - healthy), ladder)
     for retries in reversed(range(4)):
         other = replace(link, settings=link.settings.model_copy(update={"retries": retries}))
-        events = scans * other.station_errors(p)
-        hourly = about(3600 * events * slaves)
+        hourly = about(3600 * scans * sum(map(other.station_errors, fails)))
         costs = "as it is" if retries == link.settings.retries else "STOP and RUN of the master"
-        yield Watch(
-            f"D8204 on of the master at D8179 = {retries}",
-            events,
-            f"{costs}; {hourly} station errors an hour",
-        )
+        reading = f"D8204 on of the master at D8179 = {retries}"
+        yield Watch(reading, scans * other.station_errors(p), f"{costs}; {hourly} station errors an hour")
 
 
 def _long(seconds: float) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import ceil
+from statistics import median
 
 from rich.console import Console
 from rich.text import Text
@@ -90,8 +91,8 @@ def show_picture(
 
 def show_plan(console: Console, found: Picture, watches: list[Watch]) -> None:
     """Print how long to watch with which reading, and the ladder's thresholds."""
-    p, limit = expected_failures(found)
-    guess = f"{'the upper limit' if limit else 'the value'} {p:.2g} of failed attempts"
+    fails, limit = expected_failures(found)
+    guess = f"{'the upper limit' if limit else 'the value'} {median(fails):.2g} of failed attempts"
     _line(console, f"how long for {EVENTS} events, by {guess}", 0, "bold")
     for watch in watches:
         _line(console, watch.in_words())

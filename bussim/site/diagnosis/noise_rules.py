@@ -49,7 +49,7 @@ def _slaves_count(w: Witness, tally: Tally, told: dict[int, int], most: int) -> 
         why = f"station {first} counts {most} damaged frames of the master, the others at most {rest}"
         tally.add(Cause.NOISE_RECEIVER, first, 5, why)
         if misses.get(first):
-            why = f"it also missed {misses[first]} replies that others heard"
+            why = f"it also missed at least {misses[first]} replies that others heard"
             tally.add(Cause.NOISE_RECEIVER, first, 3, why)
         return
     elif equal:

@@ -230,7 +230,7 @@ def _unknown(readout: Readout, found: Measured, bursts: str, *, lost_anywhere: b
         texts.append("which station fails: the master was not read; its D8204 on tell that")
     if link.n > 1 and readout.ladder is None and not any(lens.count for lens in found.named("M")):
         texts.append(
-            f"failed attempts that {link.n - 1} repeats hide: the ladder counts them (--plan: how long)"
+            f"failed attempts that retries hide (n = {link.n}): the ladder counts them (--plan: how long)"
         )
     if bursts == "cannot tell":
         texts.append("bursts: only the ladder's third threshold tells them from steady noise")
