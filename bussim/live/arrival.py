@@ -9,10 +9,11 @@ bytes take no time), its characters share the time that there is.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 from bussim.engines.contract import RxChar
-from bussim.line.characters import LineTiming
+from bussim.line.characters import CharFormat, LineTiming
 
 #: A character with its first edge and the end of its last stop bit, in ticks.
 Timed = tuple[RxChar, int, int]
@@ -21,6 +22,29 @@ Timed = tuple[RxChar, int, int]
 PARITY, STOP = 1, 2
 #: Every character that was received right, by its value.
 GOOD = tuple(RxChar(value) for value in range(256))
+
+
+@lru_cache(maxsize=16)
+def characters_of(form: CharFormat, *, framed: bool = False) -> tuple[RxChar, ...]:
+    """The characters by the bytes that a port hands over.
+
+    ``framed``: a byte of a port that is open with 8N has the bit behind the seven data bits of ``form``,
+    its parity or first stop bit. Otherwise the system has dealt with that, and does not report it.
+    """
+    if not framed:
+        mask = (1 << form.data_bits) - 1
+        return tuple(GOOD[value & mask] for value in range(256))
+    rights = [value == framed_byte(form, value) for value in range(256)]
+    return tuple(
+        RxChar(value & 0x7F, form.parity == "N" or right, form.parity != "N" or right)
+        for value, right in enumerate(rights)
+    )
+
+
+def framed_byte(form: CharFormat, value: int) -> int:
+    """Seven data bits and the bit behind them, as a byte."""
+    data = value & 0x7F
+    return data | (1 if form.parity == "N" else form.parity_bit(data)) << 7
 
 
 @lru_cache(maxsize=4096)
@@ -36,22 +60,18 @@ def placed(data: bytes, start: int, timing: LineTiming) -> list[Timed]:
 
 
 class Arrivals:
-    """Gives each character of one port its times. The system checks parity and stop bits without a report.
+    """Gives each character of one port its times."""
 
-    ``whole``: all eight bits of a byte count, whatever the format's number of data bits.
-    """
+    __slots__ = ("_timing", "busy_until")
 
-    __slots__ = ("_mask", "_timing", "busy_until")
-
-    def __init__(self, timing: LineTiming, *, whole: bool = False) -> None:
+    def __init__(self, timing: LineTiming) -> None:
         self._timing = timing
-        self._mask = 0xFF if whole else (1 << timing.format.data_bits) - 1
         #: End of what was heard or sent last.
         self.busy_until = 0
 
-    def chunk(self, data: bytes, arrived: int) -> list[Timed]:
-        """The characters of a chunk that was read at ``arrived``, in order."""
-        count, mask = len(data), self._mask
+    def chunk(self, data: bytes, arrived: int, chars: Sequence[RxChar] = GOOD) -> list[Timed]:
+        """What a chunk that was read at ``arrived`` has, in order; ``chars`` are the characters by byte."""
+        count = len(data)
         offsets = _offsets(self._timing, count)
         begun = max(arrived - offsets[-1], self.busy_until)
         if arrived - begun >= offsets[-1]:
@@ -61,4 +81,4 @@ class Arrivals:
             free = arrived - begun
             ends = [begun + free * number // count for number in range(count + 1)]
         self.busy_until = arrived
-        return [(GOOD[value & mask], ends[index], ends[index + 1]) for index, value in enumerate(data)]
+        return [(chars[value], ends[index], ends[index + 1]) for index, value in enumerate(data)]

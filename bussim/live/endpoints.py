@@ -29,7 +29,8 @@ import serial
 from serial.rs485 import RS485Settings
 
 from bussim.errors import UsageError
-from bussim.line.characters import LineTiming
+from bussim.line.characters import CharFormat, LineTiming
+from bussim.live.arrival import framed_byte
 from bussim.live.options import CHUNK, DirectionControl, PortOptions
 
 if sys.platform == "win32":
@@ -55,6 +56,7 @@ class Endpoint(Protocol):
     name: str  # what the other side connects to, or the URL
     handle: int | None  # the file that may be waited for, None where there is none
     instant: bool  # bytes take no time
+    framed: bool  # bytes have a bit behind seven data bits, see :func:`bussim.live.arrival.framed_byte`
     warnings: tuple[str, ...]
 
     def read(self, timeout: float) -> bytes:
@@ -107,22 +109,27 @@ class SerialEndpoint:
         self.instant = _is_instant(url)
         self.warnings: tuple[str, ...] = ()
         self._rts = options.direction is DirectionControl.RTS
-        special = line.format.data_bits != 8 or line.format.parity != "N"
+        fmt, terminal = line.format, _is_terminal(url)
+        # As many bits as 8N1 or 8N2 have: drivers without 7 bits can do them, and parity errors are seen.
+        seven = fmt.data_bits == 7 and fmt.bits > 9
+        self.framed = seven and not self.instant
         # Linux refuses parity on a pseudo-terminal only sometimes, and else leaves it out in silence.
-        plain = special and _is_terminal(url)
+        plain = terminal and fmt.parity != "N"
+        asked = CharFormat(8, "N", fmt.bits - 9) if seven else fmt
         try:
-            self._port = _open(url, line, plain=plain)
+            self._port = _open(url, line.baud, _without_parity(asked) if terminal else asked)
         except _SETTING_ERRORS:
-            if not special or plain:
+            if plain or asked == _without_parity(asked):
                 raise
             plain = True
-            self._port = _open(url, line, plain=True)
-        if plain:
+            self._port = _open(url, line.baud, _without_parity(asked))
+        if plain and not seven:
             missing = (
-                f"{url} has neither parity nor 7 data bits, as pseudo-terminals have not: "
-                f"it is used with 8N{line.format.stop_bits} instead of {line.format}"
+                f"{url} has no parity, as pseudo-terminals have not: "
+                f"it is used with 8N{fmt.stop_bits} instead of {fmt}"
             )
             self.warnings = (missing,)
+        self._framed_bytes = bytes(framed_byte(fmt, value) for value in range(256))
         if options.direction is DirectionControl.DRIVER:
             self._set_direction(url)
         if self._rts:
@@ -163,6 +170,8 @@ class SerialEndpoint:
 
     def write(self, data: bytes) -> int:
         """See the protocol."""
+        if self.framed:
+            data = data.translate(self._framed_bytes)
         try:
             if not self._rts:
                 return self._port.write(data) or 0
@@ -182,16 +191,19 @@ class SerialEndpoint:
             self._port.close()
 
 
-def _open(url: str, line: LineTiming, *, plain: bool) -> serial.Serial:
-    fmt = line.format
+def _without_parity(fmt: CharFormat) -> CharFormat:
+    return CharFormat(8, "N", fmt.stop_bits)
+
+
+def _open(url: str, baud: int, fmt: CharFormat) -> serial.Serial:
     device = "://" not in url
     try:
         port = serial.serial_for_url(
             url,
             do_not_open=True,
-            baudrate=line.baud,
-            bytesize=8 if plain else fmt.data_bits,
-            parity="N" if plain else fmt.parity,
+            baudrate=baud,
+            bytesize=fmt.data_bits,
+            parity=fmt.parity,
             stopbits=fmt.stop_bits,
             timeout=0,
             write_timeout=_WRITE_TIMEOUT if device else None,  # no other kind of port has one
@@ -203,7 +215,7 @@ def _open(url: str, line: LineTiming, *, plain: bool) -> serial.Serial:
     try:
         port.open()
     except ValueError as error:
-        raise UsageError(f"{url} cannot be used with {line.baud} {fmt}: {error}") from error
+        raise UsageError(f"{url} cannot be used with {baud} {fmt}: {error}") from error
     return port
 
 

@@ -152,4 +152,4 @@ class EchoCheck:
             heard += data
             if data:  # what follows at once belongs to it
                 until = min(until, now + self._framing.quiet)
-        return heard.startswith(sent)
+        return bytes(wire.characters[value].value for value in heard).startswith(sent)

@@ -139,4 +139,4 @@ class LivePort:
                 return
         if self._end is not None and self._written == len(self._out):
             self._sent(min(self._end, arrived))
-        self._on_chars(self._arrivals.chunk(data, arrived))
+        self._on_chars(self._arrivals.chunk(data, arrived, self.wire.characters))

@@ -29,6 +29,7 @@ class PseudoTerminal:
     """
 
     instant = True
+    framed = False
     warnings: tuple[str, ...] = ()
 
     def __init__(self, link: str | None = None) -> None:

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 
 from bussim.errors import UsageError
 from bussim.line.characters import LineTiming
+from bussim.live.arrival import characters_of
 from bussim.live.clock import Clock, as_seconds
 from bussim.live.endpoints import LOST_ERRORS, Endpoint, open_endpoint, why_not
 from bussim.live.options import DEFAULT_OPTIONS, PortOptions
@@ -58,6 +59,10 @@ class Wire:
         self._report = report
         self._endpoint: Endpoint | None = None
         self._name = url
+        #: Characters by received byte.
+        self.characters = characters_of(timing.format)
+        #: Whether received bytes have the bit behind seven data bits.
+        self.framed = False
         self._instant = False
         self._warned: set[str] = set()
         self._retry_at = 0
@@ -73,6 +78,8 @@ class Wire:
     def _take(self, endpoint: Endpoint) -> None:
         self._endpoint = endpoint
         self._name = endpoint.name
+        self.framed = endpoint.framed
+        self.characters = characters_of(self.timing.format, framed=endpoint.framed)
         self._instant = endpoint.instant if self.options.instant is None else self.options.instant
         for text in endpoint.warnings:
             if text not in self._warned:

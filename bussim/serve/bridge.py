@@ -119,7 +119,7 @@ class Bridge:
         if not self._queue:
             self._finish_sending(now)
         character = line.character
-        chars = self._arrivals.chunk(data, now)
+        chars = self._arrivals.chunk(data, now, self.wire.characters)
         begun = late + (now - character if self.wire.instant else chars[0][1])
         self._separate(begun, now)
         self._open += data[: RTU_MAX + 1 - len(self._open)]

@@ -12,16 +12,22 @@ from pathlib import Path
 import pytest
 import serial
 
+from bussim.engines.contract import RxChar
 from bussim.engines.modbus.adu import Mode, encode_adu
 from bussim.errors import UsageError
 from bussim.line.characters import CharFormat, LineTiming
+from bussim.live import endpoints
 from bussim.live.clock import Clock, as_seconds
 from bussim.live.options import DirectionControl, PortOptions
+from bussim.live.port import LivePort
 from bussim.live.served import ServedSlave
 from bussim.live.wire import Wire
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 from tests.live.peers import PATIENCE
 from tests.live.rfc2217 import remote
+
+if sys.platform != "win32":
+    import tty
 
 LINE = LineTiming(115200, CharFormat(8, "N", 1))
 posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
@@ -105,8 +111,8 @@ def test_a_file_is_never_replaced_by_a_link(tmp_path: Path) -> None:
 
 
 @posix
-@pytest.mark.parametrize("fmt", ["7E1", "8E1", "7O2"])
-def test_parity_on_a_pseudo_terminal_is_warned_of_once(fmt: str) -> None:
+@pytest.mark.parametrize(("fmt", "warnings"), [("7E1", 0), ("8E1", 1), ("7O2", 0), ("8O2", 1)])
+def test_eight_bits_and_parity_on_a_pseudo_terminal_are_warned_of_once(fmt: str, warnings: int) -> None:
     inner, outer = os.openpty()
     reported: list[str] = []
     wire = Wire(os.ttyname(outer), LineTiming(9600, CharFormat.parse(fmt)), report=reported.append)
@@ -119,8 +125,8 @@ def test_parity_on_a_pseudo_terminal_is_warned_of_once(fmt: str) -> None:
     finally:
         os.close(inner)
         os.close(outer)
-    assert len(reported) == 1
-    assert "neither parity nor 7 data bits" in reported[0]
+    assert len(reported) == warnings
+    assert all("has no parity" in text for text in reported)
 
 
 @posix
@@ -269,10 +275,40 @@ def test_rfc2217_asks_for_exactly_this_line(baud: int, fmt: str) -> None:
                 time.sleep(0.01)
         finally:
             wire.close()
+    # Seven data bits and parity are eight data bits for the port, and their parity is in the eighth.
+    seven = fmt[0] == "7"
     assert fake.asked == {
         "baudrate": baud,
-        "bytesize": int(fmt[0]),
-        "parity": fmt[1],
+        "bytesize": 8,
+        "parity": "N" if seven else fmt[1],
         "stopbits": int(fmt[2]),
     }
-    assert bytes(fake.written) == b"\x01\xff\x02"
+    even, odd = b"\x81\xff\x82", b"\x01\x7f\x02"
+    written = {"7E1": even, "7O2": odd}.get(fmt, b"\x01\xff\x02")
+    assert bytes(fake.written) == written
+
+
+@posix
+def test_parity_in_software_is_checked_character_by_character(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A port that takes its time, whose driver knows no parity: the other end counts the bits itself."""
+    monkeypatch.setattr(endpoints, "_is_terminal", lambda _: False)
+    inner, outer = os.openpty()
+    tty.setraw(outer)
+    wire = Wire(os.ttyname(outer), LineTiming(9600, CharFormat.parse("7E1")))
+    heard: list[RxChar] = []
+    try:
+        wire.open()
+        os.write(inner, bytes((0x41, 0xC3, 0xC1)))  # A, C with its parity bit, A with a wrong one
+        port = LivePort(wire, on_chars=lambda chars: heard.extend(char for char, _, _ in chars))
+        until = time.monotonic() + PATIENCE
+        while len(heard) < 3 and time.monotonic() < until:
+            port.step(wire.clock.now() + 1_000_000)
+        wire.write(b"AC")
+        sent = os.read(inner, 10)
+    finally:
+        wire.close()
+        os.close(inner)
+        os.close(outer)
+    assert heard == [RxChar(0x41), RxChar(0x43), RxChar(0x41, parity_ok=False)]
+    assert sent == b"A\xc3"
+    assert [value.bit_count() % 2 for value in sent] == [0, 0]

@@ -28,9 +28,10 @@ devices:
 """
     with remote() as (url, fake), Serving(text, ports=(f"screen={url}",)) as serving:
         serving.wait_for(lambda: len(fake.written) >= 8)
-    wanted = {"baudrate": baud, "bytesize": int(fmt[0]), "parity": fmt[1], "stopbits": int(fmt[2])}
+    parity = "N" if fmt[0] == "7" else fmt[1]  # which is then in the eighth bit
+    wanted = {"baudrate": baud, "bytesize": 8, "parity": parity, "stopbits": int(fmt[2])}
     assert fake.asked == wanted
-    assert bytes(fake.written).startswith(b":0103" if mode == "ascii" else b"\x01\x03\x00\x00\x00\x01")
+    assert bytes(fake.written).startswith(b":0\xb103" if mode == "ascii" else b"\x01\x03\x00\x00\x00\x01")
 
 
 def test_the_link_is_opened_as_the_protocol_wants_it() -> None:

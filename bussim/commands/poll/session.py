@@ -53,7 +53,7 @@ class _ShownWire(Wire):
     def read(self, until: int) -> bytes:
         """See the base class."""
         data = super().read(until)
-        self._show("<", data, self.clock.now())
+        self._show("<", bytes(self.characters[value].value for value in data), self.clock.now())
         return data
 
     def write(self, data: bytes) -> None:

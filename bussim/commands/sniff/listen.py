@@ -54,8 +54,10 @@ def listen(
         for wire in wires:
             if wire.name != wire.url:
                 click.echo(f"listening on {wire.name}", err=True)
+        if wires[0].framed:
+            listener.framed = wires[0].characters
         live = stack.enter_context(Live(auto_refresh=False, transient=True)) if picture is not None else None
-        arrivals, shown = Arrivals(timing, whole=True), 0
+        arrivals, shown = Arrivals(timing), 0
         while not stop() and (limit is None or clock.now() < limit):
             now = clock.now()
             if live is not None and picture is not None and now >= shown:

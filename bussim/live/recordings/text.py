@@ -96,7 +96,7 @@ class TextFile(Source):
     def chunks(self, setup: LineSetup) -> Iterator[Chunk]:
         """See the source of a recording. Raises RecordingError if most lines cannot be read."""
         self.facts = facts = Facts()
-        arrivals, readable, lost = Arrivals(setup.timing, whole=True), 0, False
+        arrivals, readable, lost = Arrivals(setup.timing), 0, False
         before: int | None = None
         base: int | None = None
         batch: list[Timed] = []

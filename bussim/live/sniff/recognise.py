@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
+from bussim.engines.contract import RxChar
 from bussim.line.characters import LineTiming
 from bussim.live.arrival import Timed
 from bussim.live.recordings.source import Chunk, LineSetup
@@ -33,6 +34,8 @@ class Recogniser:
         self._make, self._timing, self._tolerance = make, timing, tolerance
         #: What listens, None while the protocol is open.
         self.listener = make(protocol) if protocol is not None else None
+        #: Characters by byte of a port that is open with 8N for seven data bits, for protocols of seven.
+        self.framed: Sequence[RxChar] | None = None
         self._kept: deque[list[Timed]] = deque()
         self._count = 0
         self._next = _FIRST
@@ -43,7 +46,7 @@ class Recogniser:
         """Take in characters."""
         self.characters += len(chars)
         if self.listener is not None:
-            self.listener.chars(chars)
+            self.listener.chars(self._as_read(chars, self.listener.protocol))
             return
         self._kept.append(chars)
         self._count += len(chars)
@@ -66,10 +69,16 @@ class Recogniser:
         if self.listener is not None:
             self.listener.close(now)
 
+    def _as_read(self, chars: list[Timed], protocol: LineProtocol) -> list[Timed]:
+        framed = self.framed
+        if framed is None or protocol is LineProtocol.RTU:
+            return chars
+        return [(framed[char.value], start, end) for char, start, end in chars]
+
     def _try(self) -> None:
         readings = [
             read(
-                map(Chunk, self._kept),
+                (Chunk(self._as_read(chars, protocol)) for chars in self._kept),
                 LineSetup(self._timing),
                 protocol,
                 _KEPT + 1,
@@ -82,4 +91,4 @@ class Recogniser:
         if best.score.recognised and best.protocol is not None:
             self.listener = self._make(best.protocol)
             while self._kept:
-                self.listener.chars(self._kept.popleft())
+                self.listener.chars(self._as_read(self._kept.popleft(), best.protocol))

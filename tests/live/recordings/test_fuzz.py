@@ -19,7 +19,7 @@ from bussim.engines.modbus.adu import Mode, encode_adu
 from bussim.engines.nn.frames import encode_poll
 from bussim.errors import UsageError
 from bussim.line.characters import NN_LINE, CharFormat, LineTiming
-from bussim.live.arrival import Arrivals, placed
+from bussim.live.arrival import Arrivals, characters_of, placed
 from bussim.live.recordings.frames import TraceFile
 from bussim.live.recordings.open import open_recording
 from bussim.live.recordings.packets import PacketReader
@@ -168,7 +168,7 @@ def test_every_character_is_told_once_and_in_order(
     for index, (data, wait) in enumerate(pieces):
         now += NN_LINE.characters(len(data)) + wait
         if data:
-            chars = arrivals.chunk(data, now)
+            chars = arrivals.chunk(data, now, characters_of(NN_LINE.format))
             if flawed and index % 3 == 0:
                 chars = [(RxChar(char.value, False, True), start, end) for char, start, end in chars]
             heard += listener.chars(chars)
