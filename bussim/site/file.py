@@ -20,6 +20,7 @@ from bussim.scenario.yaml.parser import MAX_BYTES, read
 from bussim.scenario.yaml.source_map import Path as At
 from bussim.scenario.yaml.source_map import Report
 from bussim.site.forms import LIMIT, CalibrationIn, ProfileFileIn, ReadoutIn, StationIn
+from bussim.site.link import SiteLink
 from bussim.site.readout import (
     CODE,
     COUNT,
@@ -224,7 +225,7 @@ class _Reader:
         self.notes += [
             f"error codes are taken {style} at {', '.join(where)}" for style, where in self.styles.items()
         ]
-        return Readout(
+        made = Readout(
             self.profile,
             form.settings,
             tuple(order),
@@ -235,6 +236,9 @@ class _Reader:
             frozenset(form.symptoms),
             tuple(self.notes),
         )
+        if form.ladder is not None and not report.errors:
+            self._check_against_scans(made, form.ladder.thresholds_ms[0], form.ladder.rises[0])
+        return made
 
     def _station(self, form: StationIn, at: At) -> Station:
         raws = {key: raw for key, raw in (("before", form.before), ("after", form.after)) if raw is not None}
@@ -276,6 +280,16 @@ class _Reader:
                 self.report.error(
                     ("ladder", "thresholds_ms", index), f"is {two:g}, not above the {one:g} before it"
                 )
+
+    def _check_against_scans(self, made: Readout, threshold: float, rises: int) -> None:
+        link = SiteLink.of(made)
+        if threshold <= (healthy := link.units(link.healthy)):
+            text = f"is {threshold:g}, not above the healthy scan of {healthy:.1f}"
+            self.report.error(("ladder", "thresholds_ms", 0), text)
+        if rises > (scans := made.watched / link.healthy):
+            self.report.error(
+                ("ladder", "rises", 0), f"is {rises}, more than the {scans:.0f} scans that were watched"
+            )
 
     # -- a calibration -----------------------------------------------------------------------------
 

@@ -41,7 +41,7 @@ class Watch:
 
 
 def expected_failures(picture: Picture) -> tuple[list[float], bool]:
-    """The probabilities of a failed attempt at stations that have any; without any, the upper limits (True)."""
+    """The probabilities of a failed attempt where there are any; without any, the upper limits (True)."""
     values = [fails.value for fails in picture.fails.values() if fails.value > 0]
     return (values, False) if values else ([fails.high for fails in picture.fails.values()], True)
 

@@ -166,6 +166,15 @@ def test_symptoms_weigh_in(tmp_path: Path) -> None:
     assert (after.cause, after.score) == (before.cause, before.score + 1)
 
 
+def test_what_is_only_seen_to_climb_is_evidence(tmp_path: Path) -> None:
+    data = healthy()
+    for number in (1, 2, 3):
+        del data["stations"][number]["after"]["D8203"]
+        data["stations"][number]["rising"] = ["D8203"]
+        seen(data, number, D8211=14)
+    assert first(data, tmp_path) == ("noise_wire", None)
+
+
 @pytest.mark.slow
 def test_random_machines_are_diagnosed(tmp_path: Path) -> None:
     """Of all stations with RUN state and lamps: 95 % among three, 86 % the first group, a lead of 3 right in 90 %.

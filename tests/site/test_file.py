@@ -6,6 +6,8 @@ import pytest
 
 from bussim.errors import ScenarioError, UsageError
 from bussim.site.file import load
+from bussim.site.link import SiteLink
+from bussim.site.noise.lenses import measure
 from bussim.site.readout import Readout
 from tests.site.examples import healthy, readout, seen
 
@@ -116,6 +118,24 @@ ladder: {thresholds_ms: [30, 20], rises: [5, 9]}
 def test_what_is_wrong_at_the_top(old: str, new: str, message: str, tmp_path: Path) -> None:
     text = HEAD.format(profile="pw10") + "  - {place: a, after: {D8201: 18}}\n"
     assert message in "\n".join(problems(text.replace(old, new), tmp_path))
+
+
+def test_a_ladder_must_fit_the_scans(tmp_path: Path) -> None:
+    data = healthy() | {"watched": "60 s", "ladder": {"thresholds_ms": [60, 101], "rises": [2000, 3]}}
+    with pytest.raises(ScenarioError) as failure:
+        readout(data, tmp_path)
+    assert [problem.message for problem in failure.value.problems] == [
+        "ladder.thresholds_ms.0 is 60, not above the healthy scan of 66.6",
+        "ladder.rises.0 is 2000, more than the 901 scans that were watched",
+    ]
+
+
+def test_a_counter_that_has_stopped_is_a_lower_bound_and_no_lens(tmp_path: Path) -> None:
+    data = healthy()
+    seen(data, 1, D8203=32767, D8211=14)
+    paper = readout(data, tmp_path)
+    assert "feeder: D8203 is 32767, where counters stop: it is a lower bound" in paper.notes
+    assert [lens.station for lens in measure(paper, SiteLink.of(paper)).named("S")] == [2, 3]
 
 
 def test_a_station_that_tells_of_itself_is_noted(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from math import exp, factorial, log
 
 from bussim.live.fit.statistics import CONFIDENCE, proportion
 from bussim.site.diagnosis.witness import START, Witness
+from bussim.site.forms import LIMIT
 from bussim.site.link import SiteLink, SteadyNoise
 from bussim.site.readout import COUNT, Readout
 
@@ -135,7 +136,7 @@ def _masters(readout: Readout, found: Measured) -> Iterable[Lens]:
     master, link = readout.at(0), found.link
     for k in range(1, link.settings.slaves + 1):
         count = None if master is None else master.count(k)
-        if master is None or count is None:
+        if master is None or count is None or master.value(f"D{COUNT + k}") == LIMIT:
             continue
         fewer = 0 if master.before else min(START, count)  # which the start may have left
         most = 0.5 ** (1 / link.n) if link.model.error_count.on_edge else 1 - 1e-9
@@ -151,8 +152,8 @@ def _slaves(witness: Witness, found: Measured) -> Iterable[Lens]:
     polls = link.settings.slaves + max(0.0, (witness.readout.watched / least - link.healthy) / link.torn)
     for station in witness.listeners:
         count = witness.about_master.get(station.supposed)
-        if count is None:
-            continue
+        if count is None or station.value(f"D{COUNT}") == LIMIT:
+            continue  # not read, or the counter has stopped
         rates = _rates(found, count)
         value, low, high = _inverted(lambda ber: link.master_damaged(ber, polls), rates, _WORST)
         reading = f"D{COUNT} of {station.place} = {count}"
@@ -245,13 +246,16 @@ def _longest(witness: Witness, found: Measured) -> Iterable[Lens]:
 
 
 def _rough(rising: Callable[[float], float], wanted: float, high: float) -> float:
-    """An upper bound of the x at which a rising function has a value, to a few per cent."""
-    low = high * 1e-9
-    if rising(low) > wanted:
+    """An upper bound of the x at which a rising tail, nearly a power of x, has a value, to a few per cent."""
+    from scipy.optimize import brentq
+
+    low, close = high * 1e-9, 0.02
+
+    def above(x: float) -> float:
+        return log(max(rising(exp(x)), 1e-300) / wanted)
+
+    if above(log(low)) >= 0:
         return low
-    if rising(high) <= wanted:
+    if above(log(high)) <= 0:
         return high
-    while high > 1.03 * low:
-        middle = (low * high) ** 0.5
-        low, high = (middle, high) if rising(middle) <= wanted else (low, middle)
-    return high
+    return float(min(high, exp(brentq(above, log(low), log(high), xtol=close, rtol=1e-6) + close)))

@@ -156,7 +156,7 @@ def _fails(found: Measured, k: int, least: list[float], middle: float) -> Fails:
     limits = {"M": lens.high} if lens is not None else {}
     if bounds := found.named("X"):
         # At one station alone, the same longest scan leaves so much more.
-        limits["X"] = max(bound.high for bound in bounds) * found.link.settings.slaves
+        limits["X"] = min(1.0, max(bound.high for bound in bounds) * found.link.settings.slaves)
     if ladder is not None:
         others = sum(each for j, each in enumerate(least, 1) if j != k)
         limits["E"] = max(0.0, -log(1 - ladder.high) - others)
