@@ -44,6 +44,9 @@ else:
 #: Errors that mean that a port is gone (SerialException is an OSError).
 LOST_ERRORS: tuple[type[Exception], ...] = (OSError, *_SETTING_ERRORS)
 
+_IN_USE = "another program has it open"
+#: Where programs put their locks of serial ports.
+LOCK_FOLDER = Path("/var/lock")
 #: Seconds between two reads of a port that cannot be waited for.
 _READ_INTERVAL = 0.0005
 #: Seconds after which a write that makes no progress is given up.
@@ -125,7 +128,7 @@ class SerialEndpoint:
             self._port = _open(url, line.baud, _without_parity(asked))
         if plain and not seven:
             missing = (
-                f"{url} has no parity, as pseudo-terminals have not: "
+                f"{url} has neither parity nor 7 data bits, as pseudo-terminals have not: "
                 f"it is used with 8N{fmt.stop_bits} instead of {fmt}"
             )
             self.warnings = (missing,)
@@ -210,13 +213,29 @@ def _open(url: str, baud: int, fmt: CharFormat) -> serial.Serial:
         )
     except ValueError as error:
         raise UsageError(f"{url!r} is no port that can be opened: {error}") from error
-    if device and not _is_instant(url):
+    if device:
+        _respect_lock(url)
         port.exclusive = True  # two programs on one port take each other's bytes away
     try:
         port.open()
     except ValueError as error:
         raise UsageError(f"{url} cannot be used with {baud} {fmt}: {error}") from error
     return port
+
+
+def _respect_lock(url: str) -> None:
+    """Raise OSError if a program that keeps lock files (minicom, ser2net) uses a port.
+
+    Filesystem Hierarchy Standard 3.0, 5.9: ``LCK..`` and the device's name, its process in ASCII.
+    """
+    try:
+        process = int((LOCK_FOLDER / f"LCK..{Path(os.path.realpath(url)).name}").read_text())
+        os.kill(process, 0)
+    except PermissionError:  # the process is there, and another user's
+        pass
+    except (OSError, ValueError):  # no lock, or one that is left over
+        return
+    raise OSError(errno.EBUSY, os.strerror(errno.EBUSY))
 
 
 def _is_instant(url: str) -> bool:
@@ -240,15 +259,26 @@ def _handle(port: serial.Serial) -> int | None:
         return None
 
 
-def why_not(url: str, error: Exception) -> str:
+class PortInUseError(UsageError):
+    """A port that another program has open."""
+
+
+def why_not(url: str, error: Exception) -> UsageError:
     """Why a port could not be opened, with the ports that are here."""
-    text = f"{url} cannot be opened: {_reason(url, error)}"
+    reason = _reason(url, error)
+    if reason == _IN_USE:
+        return PortInUseError(f"{url} cannot be opened: {reason}")
+    here = _ports_here(url)
+    return UsageError(f"{url} cannot be opened: {reason}{here}")
+
+
+def _ports_here(url: str) -> str:
     if "://" in url or Path(url).exists():
-        return text
+        return ""
     from serial.tools.list_ports import comports
 
     here = sorted(str(port.device) for port in comports())
-    return f"{text}; {'ports here: ' + ', '.join(here) if here else 'no serial port was found here'}"
+    return f"; {'ports here: ' + ', '.join(here) if here else 'no serial port was found here'}"
 
 
 def _reason(url: str, error: Exception) -> str:
@@ -261,7 +291,7 @@ def _reason(url: str, error: Exception) -> str:
     if "://" in url:
         return inner.strerror
     if inner.errno in (errno.EAGAIN, errno.EBUSY):
-        return "another program has it open"
+        return _IN_USE
     if inner.errno == errno.EACCES and sys.platform != "win32":
         return f"{inner.strerror}; serial ports are open to the group that owns them, often dialout"
     return inner.strerror

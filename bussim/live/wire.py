@@ -73,7 +73,7 @@ class Wire:
         try:
             self._take(open_endpoint(self.url, self.timing, self.options))
         except LOST_ERRORS as error:
-            raise UsageError(why_not(self.url, error)) from error
+            raise why_not(self.url, error) from error
 
     def _take(self, endpoint: Endpoint) -> None:
         self._endpoint = endpoint

@@ -126,7 +126,7 @@ def test_eight_bits_and_parity_on_a_pseudo_terminal_are_warned_of_once(fmt: str,
         os.close(inner)
         os.close(outer)
     assert len(reported) == warnings
-    assert all("has no parity" in text for text in reported)
+    assert all("neither parity nor 7 data bits" in text for text in reported)
 
 
 @posix

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from bussim.errors import UsageError
 from bussim.live.arrival import Arrivals
 from bussim.live.clock import Clock
+from bussim.live.endpoints import PortInUseError
 from bussim.live.runner import PATIENCE
 from bussim.live.stopping import Stopping
 from bussim.live.wire import Wire
@@ -49,7 +51,7 @@ def listen(
     with ExitStack() as stack:
         stop = stack.enter_context(Stopping())
         for wire in wires:
-            wire.open()
+            _open(wire)
             stack.callback(wire.close)
         for wire in wires:
             if wire.name != wire.url:
@@ -69,6 +71,17 @@ def listen(
         if live is not None and picture is not None:
             live.update("")
     return clock.now()
+
+
+def _open(wire: Wire) -> None:
+    try:
+        wire.open()
+    except PortInUseError as error:
+        raise UsageError(
+            f"{error}, and two programs on one port take each other's bytes. To listen, take a second "
+            f"adapter on the line that only receives, or stand in between: end that program, "
+            f"bussim sniff pty:/tmp/tap --bridge {wire.url}, and let it open /tmp/tap"
+        ) from error
 
 
 def _hear(wires: list[Wire], arrivals: Arrivals, listener: Recogniser, until: int) -> bool:
