@@ -5,6 +5,7 @@ URL                     what it is
 ======================  ========================================================================
 ``COM7``, ``/dev/…``    a serial port of this computer
 ``socket://HOST:PORT``  raw bytes over TCP (a device server); rate and format are the server's
+``listen://HOST:PORT``  a TCP port that others open as ``socket://HOST:PORT``; port 0: a free one
 ``rfc2217://HOST:PORT`` a remote serial port with rate and format (RFC 2217)
 ``loop://``             what is sent is received
 ``pty``, ``pty:PATH``   a new pseudo-terminal, with a link PATH to it that stays the same
@@ -84,24 +85,29 @@ def open_endpoint(url: str, line: LineTiming, options: PortOptions) -> Endpoint:
         from bussim.live.pseudo import PseudoTerminal
 
         return PseudoTerminal(url.partition(":")[2] or None)
-    _check_address(url)
+    address = _checked_address(url)
+    if address is not None and url.lower().startswith("listen://"):
+        from bussim.live.listening import ListeningSocket
+
+        return ListeningSocket(*address)
     return SerialEndpoint(url, line, options)
 
 
-def _check_address(url: str) -> None:
-    """Refuse what would make pyserial raise an error of Python's: UsageError."""
+def _checked_address(url: str) -> tuple[str, int] | None:
+    """Host and port of a URL that needs them. Raises UsageError for what is neither, and for no name at all."""
     if not url.strip():
         raise UsageError("a port without a name: write COM7, /dev/ttyUSB0, socket://HOST:PORT or pty")
     scheme = url.partition("://")[0].lower()
-    if scheme not in ("socket", "rfc2217"):
-        return
+    if scheme not in ("socket", "rfc2217", "listen"):
+        return None
     try:
         parts = urlsplit(url)
-        known = parts.hostname and parts.port
+        host, port = parts.hostname, parts.port
     except ValueError:  # a port that is no number, or none that exists
-        known = None
-    if not known:
+        host = port = None
+    if not host or port is None or (port == 0 and scheme != "listen"):
         raise UsageError(f"{url} has no host and port: write {scheme}://HOST:PORT, PORT is 1…65535")
+    return host, port
 
 
 class SerialEndpoint:

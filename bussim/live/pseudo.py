@@ -17,6 +17,9 @@ assert sys.platform != "win32"  # noqa: S101 - for the type checker; nothing imp
 import termios  # noqa: E402 (after the assertion)
 import tty  # noqa: E402
 
+#: Where termios has the rates.
+_INPUT_RATE, _OUTPUT_RATE = 4, 5
+
 
 class PseudoTerminal:
     """An :class:`~bussim.live.endpoints.Endpoint` at the inner end of a new pseudo-terminal.
@@ -41,6 +44,7 @@ class PseudoTerminal:
         try:
             tty.setraw(self._outer, termios.TCSANOW)
             os.set_blocking(self._inner, False)
+            self._forget_rate()
             #: Name of the outer end.
             self.device = os.ttyname(self._outer)
             self.name = self.device
@@ -55,7 +59,19 @@ class PseudoTerminal:
     def read(self, timeout: float) -> bytes:
         """See the protocol."""
         ready, _, _ = select.select((self._inner,), (), (), timeout)
+        self._forget_rate()
         return os.read(self._inner, CHUNK) if ready else b""
+
+    def _forget_rate(self) -> None:
+        """Set a rate that no client wants, so that each that opens it changes something.
+
+        tcsetattr of Linux refuses parity, which a pseudo-terminal has not, if that is all that was to be
+        changed: a client with 8E1 could open it once only. The rate itself does nothing there.
+        """
+        settings = termios.tcgetattr(self._outer)
+        if settings[_OUTPUT_RATE] != termios.B50:
+            settings[_INPUT_RATE] = settings[_OUTPUT_RATE] = termios.B50
+            termios.tcsetattr(self._outer, termios.TCSANOW, settings)
 
     def write(self, data: bytes) -> int:
         """See the protocol."""
