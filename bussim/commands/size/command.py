@@ -18,11 +18,15 @@ from bussim.files import made_folder
 
 if TYPE_CHECKING:
     from bussim.commands.size.verify import Verification
+    from bussim.commands.size.verify_ports import PortVerification
     from bussim.exact.sizing.goals import Goals
     from bussim.exact.sizing.size import Sizing
     from bussim.scenario.model import Scenario
 
-_FORMS = "errors<=1/y, onsets<=1/y, scan<=200ms@1e-6, dead<=400ms, ride>=100ms, heartbeat=500ms@0.1/y"
+_FORMS = (
+    "errors<=1/y, onsets<=1/y, scan<=200ms@1e-6, dead<=400ms, ride>=100ms, heartbeat=500ms@0.1/y; "
+    "of poll lists errors, dead, cycle<=500ms, age<=1s"
+)
 
 
 @click.command()
@@ -55,12 +59,15 @@ def command(
 ) -> None:
     """Search all retries (D8179) and timeouts (D8180) of each link and recommend one setting.
 
+    Of each Modbus poll list of a PLC's port or a device likewise: timeout, retries and interval.
+
     SCENARIO is a file or the name of a built-in scenario. Its faults are left out: a setting is for
     the line in operation. Without a file, --stations and --mode describe a link of equal stations:
     bussim size --stations 4 --mode 2. Where no noise is given, three levels of it are assumed and
     shown. The exit code is 1 if no setting meets the goals, or if a simulation disagrees with the law.
     """
     from bussim.exact.from_scenario import from_scenario
+    from bussim.exact.sizing.ports.size import size_ports
     from bussim.exact.sizing.size import size
 
     wanted = _goals(goals)
@@ -92,15 +99,20 @@ def command(
                 click.echo(f"warning: {text.replace('plcs.master.scan', '--scan', 1)}", err=True)
     show_carried(loaded, err=as_json)
     models = from_scenario(loaded, ignore_faults=True, bound_end=True)
-    if not models:
-        raise UsageError(f"{scenario} has no N:N link")
+    ports = size_ports(loaded, wanted)
+    if not (models or ports):
+        raise UsageError(f"{scenario} has neither an N:N link nor a Modbus poll list")
+    _check_goals(wanted, scenario or "the link", links=bool(models), ports=bool(ports))
     found = {bus: size(model, wanted) for bus, model in models.items()}
     verifications: dict[str, list[Verification]] = {}
+    verified: dict[str, list[PortVerification]] = {}
     if check:
         from bussim.commands.size.verify import verify
+        from bussim.commands.size.verify_ports import verify_port
 
         with busy("simulating the choice"):
             verifications = {bus: verify(loaded, bus, sizing) for bus, sizing in found.items()}
+            verified = {node: verify_port(loaded, node, sizing) for node, sizing in ports.items()}
     links: dict[str, object] = {}
     for bus, sizing in found.items():
         values = sizing.to_json()
@@ -108,6 +120,12 @@ def command(
             values["verify"] = [verdict.to_json() for verdict in verifications[bus]]
         links[bus] = values
     result: dict[str, object] = {"schema": 1, "links": links}
+    if ports:
+        checks = {node: [each.to_json() for each in verified.get(node, ())] for node in ports}
+        result["ports"] = {
+            node: {**sizing.to_json(), **({"verify": checks[node]} if check else {})}
+            for node, sizing in ports.items()
+        }
     if loaded.carried:
         result["warnings"] = [asdict(each) for each in loaded.carried]
     text = json.dumps(result, indent=2, ensure_ascii=False, allow_nan=False)
@@ -120,13 +138,20 @@ def command(
         console = wide_console()
         for bus, sizing in found.items():
             show_sizing(console, bus, sizing, verifications.get(bus, []))
+        for node, port in ports.items():
+            from bussim.commands.size.ports import show_port_sizing
+
+            show_port_sizing(console, node, port, verified.get(node, []))
     if out is not None:
         for path in _write(loaded, found, text, Path(out)):
             click.echo(path, err=as_json)
     failed = [bus for bus, sizing in found.items() if sizing.recommended is None]
+    # A list that cannot be sized is no failure beside a link that can.
+    failed += [node for node, port in ports.items() if port.recommended is None and (port.valid or not found)]
     if failed:
         raise RunError(f"no setting for {', '.join(failed)}: see above")
     failed = [bus for bus, each in verifications.items() if any(one.agrees is False for one in each)]
+    failed += [node for node, each in verified.items() if not all(one.agrees for one in each)]
     if failed:
         raise RunError(f"simulation and law disagree on {', '.join(failed)}: see above")
 
@@ -138,6 +163,19 @@ def _goals(texts: tuple[str, ...]) -> Goals:
         return Goals().with_texts(texts)
     except ValueError as error:
         raise UsageError(str(error)) from None
+
+
+def _check_goals(goals: Goals, name: str, *, links: bool, ports: bool) -> None:
+    """A goal that nothing in the scenario can meet or miss is a mistake."""
+    from bussim.exact.sizing.goals import LINK_GOALS, PORT_GOALS
+
+    known = {*(LINK_GOALS if links else ()), *(PORT_GOALS if ports else ())}
+    strange = [goal for goal in goals.given if goal not in known]
+    if strange:
+        missing = "Modbus poll lists" if links else "N:N links"
+        raise UsageError(
+            "\n".join(f"--goal {goal} is of {missing}, of which {name} has none" for goal in strange)
+        )
 
 
 def _write(scenario: Scenario, found: dict[str, Sizing], text: str, folder: Path) -> list[Path]:

@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import assert_never
+from typing import TypeVar, assert_never
 
 from bussim.devices.contract import BusDevice, FreeProtocolSettings, MasterSettings, SlaveSettings
 from bussim.devices.lx.map import LxMap
 from bussim.engines.modbus.framing import Framing
 from bussim.exact.polls.failures import LineErrors
 from bussim.exact.polls.master_timing import Direct, Scans, Span, exactly
-from bussim.exact.polls.one_poll import MasterModel, poll_model, too_hasty
+from bussim.exact.polls.one_poll import MasterModel, joined, poll_model, silence_needed, too_hasty
 from bussim.exact.polls.poll_list import PollListModel, PollModel
 from bussim.exact.polls.slaves import SlaveModel, device_model
 from bussim.line.characters import LineTiming
@@ -30,9 +30,15 @@ from bussim.units import round_half_up
 from bussim.wording import names
 
 
-def poll_lists(scenario: Scenario) -> dict[str, PollListModel]:
-    """Every poll list of a scenario, by its node: ``press1.COM3``, or an HMI's name."""
-    return _Reader(scenario).read()
+def poll_lists(
+    scenario: Scenario, *, sized: bool = False, baud: int | None = None, join: bool = False
+) -> dict[str, PollListModel]:
+    """Every poll list of a scenario, by its node: ``press1.COM3``, or an HMI's name.
+
+    ``sized``: timeout and interval are still to be chosen, so that none is too short. ``baud`` is the rate of
+    every bus with polls instead of its own; ``join`` makes neighbouring reads one each.
+    """
+    return _Reader(scenario, sized=sized, baud=baud, join=join).read()
 
 
 @dataclass(slots=True)
@@ -62,6 +68,9 @@ class _Port:
 @dataclass(slots=True)
 class _Reader:
     scenario: Scenario
+    sized: bool = False
+    baud: int | None = None
+    join: bool = False
     ports: list[_Port] = field(default_factory=list)
     slaves: list[SlaveModel] = field(default_factory=list)
     masters: list[MasterModel] = field(default_factory=list)
@@ -72,11 +81,11 @@ class _Reader:
     def read(self) -> dict[str, PollListModel]:
         scenario = self.scenario
         for plc in scenario.plcs:
-            self.ports += _ports(plc)
+            self.ports += _ports(plc, self.baud)
         for port in self.ports:
             self._port(port)
         for device in scenario.devices:
-            self._device(device)
+            self._device(_at(device, self.baud))
         found = self.broken | {master.node: self._list(master) for master in self.masters}
         order = [port.node for port in self.ports] + [device.name for device in scenario.devices]
         return {node: found[node] for node in order if node in found}
@@ -127,6 +136,7 @@ class _Reader:
                     polls=asked,
                     begun_holds=profile.begun_holds,
                     first_end=plc.phase or 0,  # where it is random, it may be any
+                    words=next(spec.words.address for spec in plc.ports if spec.name == port.name),
                 )
             )
 
@@ -164,7 +174,9 @@ class _Reader:
     def _master(self, master: MasterModel) -> None:
         self.asking.setdefault(master.bus, []).append(master.node)
         errors = LineErrors.of(self.scenario.noise, master.bus, master.node)
-        self.masters.append(replace(master, errors=errors))
+        polls, names_joined = joined(master.polls) if self.join else (master.polls, ())
+        changed = replace(master, errors=errors, sized=self.sized, polls=polls, joined=names_joined)
+        self.masters.append(changed)
 
     def _no_list(self, port: _Port, why: str) -> None:
         self.broken[port.node] = PollListModel(port.node, port.bus, port.protocol, obstacles=(why,))
@@ -263,6 +275,10 @@ class _Reader:
             off=off,
             notes=notes,
             noise_reasons=tuple(master.errors.reasons),
+            silence=max(silence_needed(master, slaves).values(), default=0),
+            words=master.words,
+            timing=master.timing,
+            joined=master.joined,
         )
 
     def _crowd(self, master: MasterModel) -> list[str]:
@@ -318,9 +334,19 @@ def _owner(fault: Fault) -> str:
     return str(getattr(kind, "node", getattr(kind, "bus", "")))
 
 
-def _ports(plc: Plc) -> list[_Port]:
+def _ports(plc: Plc, baud: int | None) -> list[_Port]:
     read = partial(configured, registers=plc.registers, com2_station=plc.profile.com2_station)
-    return [_Port(plc, spec.name, spec.bus, read(spec.name, spec.words)) for spec in plc.ports]
+    return [_Port(plc, spec.name, spec.bus, _at(read(spec.name, spec.words), baud)) for spec in plc.ports]
+
+
+_Timed = TypeVar("_Timed", BusDevice, PortSettings | BadSettings)
+
+
+def _at(timed: _Timed, baud: int | None) -> _Timed:
+    """A device or a port's settings at another rate (None: its own)."""
+    if baud is None or isinstance(timed, BadSettings):
+        return timed
+    return replace(timed, timing=replace(timed.timing, baud=baud))
 
 
 def _scan(plc: Plc) -> Span:

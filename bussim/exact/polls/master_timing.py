@@ -62,6 +62,10 @@ class Direct:
     def __init__(self, interval: int) -> None:
         self.interval = interval
 
+    def with_interval(self, interval: int) -> Direct:
+        """The same master with another interval."""
+        return Direct(interval)
+
     def taken(self, need: Span) -> Span:
         """At once."""
         return need
@@ -101,6 +105,10 @@ class Scans:
         self.entry = self._idle
         self.idle = self._idle.most
         self.late = self._active.most - 1
+
+    def with_interval(self, interval: int) -> Scans:
+        """The same PLC with another interval."""
+        return Scans(self._scan, self._execution, self._others, interval)
 
     def taken(self, need: Span) -> Span:
         """To the first END at or after the decision: at least one scan."""

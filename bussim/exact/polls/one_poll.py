@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 from bussim.engines.modbus.adu import BROADCAST, Mode
@@ -21,10 +22,17 @@ from bussim.plc.ports.spec import PollSpec
 from bussim.units import format_ms
 from bussim.wording import counted, names
 
+#: The most registers that one read of all families asks for (V80 manual: 125; coils are fewer words).
+_MOST_WORDS = 125
+
 
 @dataclass(frozen=True, slots=True)
 class MasterModel:
-    """One master with its polls. ``plc``: a PLC, which works in scans, the first ``first_end`` ticks long."""
+    """One master with its polls. ``plc``: a PLC, which works in scans, the first ``first_end`` ticks long.
+
+    ``sized``: timeout and interval are not those that the scenario gives. For ``words`` and ``joined`` see
+    :class:`~bussim.exact.polls.poll_list.PollListModel`.
+    """
 
     node: str
     bus: str
@@ -38,6 +46,9 @@ class MasterModel:
     plc: bool = True
     first_end: int = 0
     errors: LineErrors = field(default_factory=LineErrors)
+    sized: bool = False
+    words: int | None = None
+    joined: tuple[tuple[str, ...], ...] = ()
 
     @property
     def tail(self) -> int:
@@ -101,7 +112,7 @@ def poll_model(master: MasterModel, spec: PollSpec, slaves: list[SlaveModel]) ->
     served, end = _response_times(slave, sent, response)
     begins = response if master.begun_holds else 0
     awaited = Span(end.least - begins, end.most - begins)
-    if awaited.most > sent + master.timeout:
+    if awaited.most > sent + master.timeout and not master.sized:
         always = awaited.least > sent + master.timeout
         span = _ms_span(Span(end.least - sent, end.most - sent))
         late = "never comes in time" if always else "may come too late"
@@ -133,17 +144,54 @@ def _response_times(slave: SlaveModel, sent: int, response: int) -> tuple[Span, 
     return after + Span(*served), after + Span(*begins) + slave.extra + exactly(response)
 
 
-def too_hasty(master: MasterModel, slaves: list[SlaveModel]) -> list[str]:
-    """Slaves that take a response and the next request for one frame: too short a silence lies between."""
+def silence_needed(master: MasterModel, slaves: list[SlaveModel]) -> dict[str, int]:
+    """The least gap before a request for each slave that would take response and request for one frame."""
     if master.framing.mode is not Mode.RTU or len(master.polls) < 2:
+        return {}
+    heard = (slave for slave in slaves if slave.understands(master.framing.mode, master.timing))
+    needs = {slave.name: slave.framing.quiet - master.framing.quiet for slave in heard}
+    return {name: need for name, need in needs.items() if need > 0}
+
+
+def too_hasty(master: MasterModel, slaves: list[SlaveModel]) -> list[str]:
+    """Slaves before whose requests too short a silence lies, in words."""
+    gap, quiet = master.master_timing.gap().least, master.framing.quiet
+    if master.sized:
         return []
-    silence = master.framing.quiet + master.master_timing.gap().least
-    found = []
-    for slave in slaves:
-        if slave.understands(master.framing.mode, master.timing) and slave.framing.quiet > silence:
-            need, has = _ms_span(exactly(slave.framing.quiet)), _ms_span(exactly(silence))
-            found.append(f"{slave.name} needs {need} of silence before a request, and gets {has}")
-    return found
+    return [
+        f"{name} needs {format_ms(need + quiet)} of silence before a request, "
+        f"and gets {format_ms(gap + quiet)}"
+        for name, need in silence_needed(master, slaves).items()
+        if need > gap
+    ]
+
+
+def joined(polls: Sequence[PollSpec]) -> tuple[tuple[PollSpec, ...], tuple[tuple[str, ...], ...]]:
+    """Polls with neighbouring reads of one station made one read each, and the names of those that were."""
+    groups: list[list[PollSpec]] = []
+    for poll in sorted(polls, key=lambda each: each.address):
+        for group in groups:
+            first, end = group[0], max(each.address + each.count for each in group)
+            alike = _alike(first) == _alike(poll) and poll.function in READS and poll.times is None
+            if alike and poll.address <= end and poll.address + poll.count - first.address <= _MOST_WORDS:
+                group.append(poll)
+                break
+        else:
+            groups.append([poll])
+    groups.sort(key=lambda group: min(polls.index(each) for each in group))
+    made = tuple(
+        replace(
+            group[0], count=max(each.address + each.count for each in group) - group[0].address, device=None
+        )
+        if len(group) > 1
+        else group[0]
+        for group in groups
+    )
+    return made, tuple(tuple(each.name for each in group) for group in groups if len(group) > 1)
+
+
+def _alike(poll: PollSpec) -> tuple[object, ...]:
+    return poll.station, poll.function, poll.every, poll.at, poll.times, poll.skip_after_failure
 
 
 def _ms_span(span: Span) -> str:

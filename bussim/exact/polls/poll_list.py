@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from bussim.exact.polls.master_timing import Direct, MasterTiming, Span
+from bussim.line.characters import LineTiming
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +68,9 @@ class PollListModel:
     ``tail`` is how long after the timeout a failing attempt is decided at the latest: what has begun to
     arrive must be over. ``first_end`` is the least time from RUN to the first END. ``off`` are the slaves
     that are switched off for the whole run; the figures without errors are those with them.
-    ``noise_reasons`` say why it is not known how often attempts fail.
+    ``noise_reasons`` say why it is not known how often attempts fail. ``silence`` is the least gap that its
+    slaves need before a request. ``words`` is where the words of a PLC's port begin (D), None for a device,
+    ``timing`` is that of its line, ``joined`` are the names of polls that became one read.
     """
 
     node: str
@@ -83,6 +86,10 @@ class PollListModel:
     obstacles: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     noise_reasons: tuple[str, ...] = ()
+    silence: int = 0
+    words: int | None = None
+    timing: LineTiming | None = None
+    joined: tuple[tuple[str, ...], ...] = ()
 
     @property
     def valid(self) -> bool:

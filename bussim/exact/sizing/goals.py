@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
@@ -19,7 +20,12 @@ FORMS = {
     "dead": "dead<=400ms",
     "ride": "ride>=100ms",
     "heartbeat": "heartbeat=500ms@0.1/y",
+    "cycle": "cycle<=500ms",
+    "age": "age<=1s",
 }
+#: The goals of an N:N link and those of a Modbus poll list.
+LINK_GOALS = ("errors", "onsets", "scan", "dead", "ride", "heartbeat")
+PORT_GOALS = ("errors", "cycle", "dead", "age")
 
 _GOAL = re.compile(r"\s*([A-Za-z_]+)\s*(<=|>=|=)\s*([^@]+?)\s*(?:@\s*(\S+)\s*)?")
 _RATE = re.compile(r"([0-9.eE+-]+)\s*(?:/|per\s*)\s*(y|year|d|day|h)?")
@@ -66,7 +72,9 @@ class Goals:
     scan with one station dead, at most. ``ride``: interruption of the line that raises no station error, at
     least; 0 for no such goal. ``heartbeat``: (preset, times a year) that a heartbeat's watchdog may run out
     falsely, of any pair. ``onsets``: how often a year a false station error begins, at most. ``given``
-    names the goals that the user wrote.
+    names the goals that the user wrote. Of a poll list ``errors`` are failed turns a year, ``dead`` is the
+    mean cycle with one device dead; ``cycle``: the longest cycle without errors, ``age``: that of the oldest
+    data, at most.
     """
 
     errors: float = 1.0
@@ -75,6 +83,8 @@ class Goals:
     ride: int = OUTAGE
     heartbeat: tuple[int, float] | None = None
     onsets: float | None = None
+    cycle: int | None = None
+    age: int | None = None
     given: tuple[str, ...] = field(default=(), compare=False)
 
     def with_texts(self, texts: Iterable[str]) -> Goals:
@@ -122,6 +132,10 @@ class Goals:
                 return replace(goals, ride=_time(text, value, least=0))
             case "dead":
                 return replace(goals, dead=_time(text, value))
+            case "cycle":
+                return replace(goals, cycle=_time(text, value))
+            case "age":
+                return replace(goals, age=_time(text, value))
             case "scan":
                 return replace(goals, scan=(_time(text, value), _probability(text, extra, form)))
             case _:
@@ -135,6 +149,52 @@ class Goals:
     def texts(self) -> dict[str, str]:
         """Each goal in words, by its name, with the user's own figures."""
         return {name: words for name, (_, words) in self._described().items()}
+
+    def of_ports(self) -> tuple[str, ...]:
+        """The goals of a poll list that there are."""
+        return tuple(name for name in PORT_GOALS if self.limit(name) < math.inf or name == "errors")
+
+    def limit(self, name: str) -> float:
+        """What a figure of a poll list may be at most, by the goal's name."""
+        found = {"errors": self.errors, "cycle": self.cycle, "dead": self.dead, "age": self.age}[name]
+        return math.inf if found is None else found
+
+    def with_limit(self, name: str, limit: float) -> Goals:
+        """These goals with another limit of one that poll lists have; infinity for none."""
+        time = None if math.isinf(limit) else round(limit)
+        match name:
+            case "errors":
+                return replace(self, errors=limit)
+            case "cycle":
+                return replace(self, cycle=time)
+            case "dead":
+                return replace(self, dead=time)
+            case "age":
+                return replace(self, age=time)
+            case _:
+                raise ValueError(f"{name} is no goal of a poll list")
+
+    def form_of(self, name: str, limit: float | None = None) -> str:
+        """A goal of a poll list as a user writes it, with its own limit or another one."""
+        value = self.limit(name) if limit is None else limit
+        shown = Rate.of(value).form if name == "errors" else format_time(round(value)).replace(" ", "")
+        return f"{name}<={shown}"
+
+    def rounded_up(self, name: str, value: float) -> float:
+        """A limit that a figure of a poll list keeps, rounded to the safe side as a user would write it."""
+        return Rate(at_most(value, 1)) if name == "errors" else math.ceil(value / TICKS_PER_MS) * TICKS_PER_MS
+
+    def port_texts(self) -> dict[str, str]:
+        """Each goal of a poll list in words, by its name."""
+        limits = {name: self.limit(name) for name in self.of_ports()}
+        times = {name: format_time(round(limit)) for name, limit in limits.items() if name != "errors"}
+        words = {
+            "cycle": "a cycle of at most {} without errors",
+            "dead": "a cycle of at most {} on average with one device dead",
+            "age": "data that are at most {} old without errors",
+        }
+        errors = {"errors": f"failed turns: at most {Rate.of(self.errors)}"}
+        return errors | {name: words[name].format(time) for name, time in times.items()}
 
     def figure(self, name: str, value: float) -> str:
         """The figure that a goal limits, in words that claim no more than it, by the goal's name."""

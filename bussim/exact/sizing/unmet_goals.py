@@ -69,11 +69,15 @@ def unmet_goals(model: LinkModel, goals: Goals, checked: Checked) -> tuple[Unmet
 
 def conflicts(checked: Checked, index: Sequence[int]) -> list[tuple[str, ...]]:
     """All sets of goals that no setting of these rows meets and of which no smaller part is such a set."""
+    return smallest_sets(checked.names, lambda names: bool(checked.shortest(names, index)))
+
+
+def smallest_sets(goals: Sequence[str], possible: Callable[[tuple[str, ...]], bool]) -> list[tuple[str, ...]]:
+    """All sets of goals that are not possible and of which no smaller part is such a set."""
     found: list[tuple[str, ...]] = []
-    for size in range(1, len(checked.names) + 1):
-        for names in combinations(checked.names, size):
-            known = any(set(smaller) <= set(names) for smaller in found)
-            if not known and not checked.shortest(names, index):
+    for size in range(1, len(goals) + 1):
+        for names in combinations(goals, size):
+            if not any(set(smaller) <= set(names) for smaller in found) and not possible(names):
                 found.append(names)
     return found
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bussim.exact.sizing.goals import FORMS, Goals
+from bussim.exact.sizing.goals import FORMS, LINK_GOALS, PORT_GOALS, Goals
 from tests.exact.links import MS
 
 
@@ -37,7 +37,10 @@ def test_every_form_in_the_help_is_understood_and_printed_again() -> None:
     goals = Goals()
     for form in FORMS.values():
         goals = goals.with_text(form)
-    assert list(goals.texts()) == list(FORMS)
+    assert list(goals.texts()) == list(LINK_GOALS)
+    assert tuple(goals.port_texts()) == goals.of_ports() == PORT_GOALS
+    assert {*LINK_GOALS, *PORT_GOALS} == set(FORMS)
+    assert all(goals.form_of(name) == FORMS[name] for name in PORT_GOALS)
     assert goals.texts()["ride"] == "an interruption of the line of 100 ms without a station error"
     assert goals.texts()["heartbeat"] == "a heartbeat of 500 ms missed at most 0.1 times a year"
 
@@ -49,7 +52,7 @@ def test_every_form_in_the_help_is_understood_and_printed_again() -> None:
         ("fast", "not a goal"),
         (
             "erors<=1/y",
-            "whose goal 'erors' is none of errors, onsets, scan, dead, ride, heartbeat; did you mean errors<=1/y",
+            "whose goal 'erors' is none of errors, onsets, scan, dead, ride, heartbeat, cycle, age; did you mean errors<=1/y",
         ),
         ("latency<=1ms", "whose goal 'latency' is none of"),
         ("errors>=1/y", "write errors<=…, such as errors<=1/y"),

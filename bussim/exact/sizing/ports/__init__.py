@@ -1,0 +1,1 @@
+"""Timeout, retries and interval of a Modbus master's port."""

@@ -1,0 +1,279 @@
+"""Which timeout, retries and interval a port's poll list should have: what ``bussim size`` prints of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import combinations
+
+from bussim.exact.polls.from_scenario import poll_lists
+from bussim.exact.polls.poll_list import PollListModel
+from bussim.exact.sizing.goals import Goals
+from bussim.exact.sizing.ports.setting import (
+    MOST_UNITS,
+    PortSetting,
+    interval_for,
+    least_timeout,
+    setting_of,
+    timeout_unit,
+    top_of_step,
+)
+from bussim.exact.sizing.unmet_goals import Unmet, smallest_sets
+from bussim.exact.text import a_year, in_ms, ms, ms_at_most
+from bussim.plc.ports.cpavl import INTERVAL, INTERVAL_UNIT, TIMEOUT, TIMEOUT_UNIT
+from bussim.scenario.fault_kinds import Slow
+from bussim.scenario.model import Scenario
+from bussim.units import TICKS_PER_MS
+
+#: Retries that are looked at, and steps of timeouts in the table.
+MOST_RETRIES, _STEPS = 10, 3
+#: What a device that is off is asked in, as a remedy.
+_SKIP = 10
+#: Rates that are tried where a higher one might help.
+_BAUDS = (19200, 38400, 57600, 115200)
+
+
+@dataclass(frozen=True, slots=True)
+class Remedy:
+    """A change with which a setting meets all goals, and that setting."""
+
+    text: str
+    setting: PortSetting
+
+    def in_words(self) -> str:
+        """The change, the setting, and what it gives."""
+        found = self.setting
+        dead = "" if found.dead is None else f", with one device dead {ms_at_most(found.dead)} on average"
+        if found.dead_longest is not None and found.dead_longest > (found.dead or 0):
+            dead += f" and {ms_at_most(found.dead_longest)} at most"
+        cycle = "" if found.cycle is None else f": cycle {ms_at_most(found.cycle)}"
+        return f"{self.text} (then timeout {ms(found.timeout)} ms, retries {found.retries}{cycle}{dead})"
+
+
+@dataclass(frozen=True, slots=True)
+class PortSizing:
+    """A recommendation for one poll list, or why there is none. Times in ticks.
+
+    ``least`` is the least timeout that no response outlasts; ``table`` has settings by timeout and retries.
+    """
+
+    model: PollListModel
+    goals: Goals
+    reasons: tuple[str, ...] = ()
+    least: int = 0
+    recommended: PortSetting | None = None
+    table: tuple[PortSetting, ...] = ()
+    unmet: tuple[Unmet, ...] = ()
+    remedies: tuple[Remedy, ...] = ()
+
+    @property
+    def valid(self) -> bool:
+        """Whether the list can be sized."""
+        return not self.reasons
+
+    def names(self) -> tuple[str, ...]:
+        """The goals that there are of a poll list."""
+        return self.goals.of_ports()
+
+    def mov_lines(self) -> list[str]:
+        """Instructions that set the words of a PLC's port, with what they mean behind a semicolon."""
+        best, words = self.recommended, self.model.words
+        if best is None or words is None:
+            return []
+        return [
+            "LD M8002  ; the first scan, with the port's CPAVL: taken over at STOP→RUN",
+            f"MOV K{best.timeout // TIMEOUT_UNIT} D{words + TIMEOUT}  ; timeout: {ms(best.timeout)} ms",
+            f"MOV K{best.interval // INTERVAL_UNIT} D{words + INTERVAL}  ; interval: {ms(best.interval)} ms",
+        ]
+
+    def pymodbus(self) -> str:
+        """The same for pymodbus's serial client, whose timeout counts from handing a request over."""
+        best, timing = self.recommended, self.model.timing
+        if best is None or timing is None:
+            return ""
+        longest = max((poll.request for poll in self.model.polls), default=0)
+        timeout = math.ceil((best.timeout + longest) / TICKS_PER_MS) / 1000
+        fmt = timing.format
+        return (
+            f"ModbusSerialClient(port, baudrate={timing.baud}, bytesize={fmt.data_bits}, "
+            f"parity='{fmt.parity}', stopbits={fmt.stop_bits}, timeout={timeout:g}, retries={best.retries})"
+        )
+
+    def margin(self) -> str:
+        """What a longer timeout would cost, in words."""
+        best = self.recommended
+        if best is None or best.timeout == self.least:
+            return ""
+        return (
+            f"a timeout of up to {ms(best.timeout)} ms costs no more than one of {ms(self.least)} ms: "
+            "what counts is the END after it"
+        )
+
+    def to_json(self) -> dict[str, object]:
+        """One poll list of the JSON form, times in ms."""
+        best = self.recommended
+        return {
+            "valid": self.valid,
+            "reasons": list(self.reasons),
+            "goals": list(self.goals.port_texts().values()),
+            "timeout_floor_ms": in_ms(self.least) if self.valid else None,
+            "recommended": None if best is None else best.to_json(),
+            "table": [setting.to_json() for setting in self.table],
+            "unmet": [unmet.to_json() for unmet in self.unmet],
+            "remedies": [remedy.in_words() for remedy in self.remedies],
+            "in_words": [] if best is None else best.figures.in_words(),
+            "mov": self.mov_lines(),
+            "pymodbus": self.pymodbus(),
+        }
+
+
+def size_ports(scenario: Scenario, goals: Goals) -> dict[str, PortSizing]:
+    """Size every poll list of a scenario; faults are left out, but what makes slaves slow.
+
+    What the ports have as timeout, retries and interval does not matter.
+    """
+    faults = tuple(fault for fault in scenario.faults if isinstance(fault.kind, Slow))
+    scenario = replace(scenario, faults=faults)
+
+    def changed(node: str, baud: int | None, join: bool) -> PollListModel | None:  # noqa: FBT001 (private)
+        return poll_lists(scenario, sized=True, baud=baud, join=join).get(node)
+
+    lists = poll_lists(scenario, sized=True)
+    return {node: _size(model, goals, partial(changed, node)) for node, model in lists.items()}
+
+
+#: A poll list at another rate or with joined reads, None where there is none.
+_Changed = Callable[[int | None, bool], PollListModel | None]
+
+
+def _size(model: PollListModel, goals: Goals, changed: _Changed) -> PortSizing:
+    reasons = model.obstacles or model.noise_reasons
+    if not reasons and not model.cyclic:
+        reasons = ("it has commands only: nothing goes round",)
+    if reasons:
+        return PortSizing(model, goals, tuple(reasons))
+    least = least_timeout(model)
+    if least > MOST_UNITS * timeout_unit(model):
+        return PortSizing(
+            model, goals, (f"the longest response needs {ms(least)} ms, more than a port allows",)
+        )
+    tried = list(_settings(model))
+    best = _least(tried, goals)
+    found = PortSizing(model, goals, least=least, recommended=best, table=_table(model, best))
+    if best is not None:
+        dead = best.dead or 0
+        cheaper = _skipping(model)
+        others = [_least(list(_settings(cheaper)), goals)] if dead > 2 * (best.cycle or 0) else []
+        remedies = tuple(
+            Remedy(_SKIPPED, each) for each in others if each is not None and (each.dead or 0) < dead
+        )
+        return replace(found, remedies=remedies)
+    names = goals.of_ports()
+    sets = smallest_sets(names, lambda some: any(_meets(each, goals, some) for each in tried))
+    remedies = tuple(_remedies(model, goals, changed))
+    helps = tuple(remedy.in_words() for remedy in remedies)
+    unmet = tuple(Unmet(some, _conflict(tried, goals, some), helps) for some in sets)
+    return replace(found, unmet=unmet, remedies=remedies)
+
+
+def _settings(model: PollListModel) -> Iterator[PortSetting]:
+    """The settings that may be recommended, the cheapest first: no response is too late in any of them."""
+    least, interval = least_timeout(model), interval_for(model)
+    timeouts = dict.fromkeys((top_of_step(model, least), least))
+    for retries in range(MOST_RETRIES + 1):
+        for timeout in timeouts:
+            yield setting_of(model, timeout, retries, interval)
+
+
+def _meets(setting: PortSetting, goals: Goals, names: tuple[str, ...]) -> bool:
+    return all(setting.value(name) <= goals.limit(name) for name in names)
+
+
+def _least(tried: list[PortSetting], goals: Goals) -> PortSetting | None:
+    return next((each for each in tried if _meets(each, goals, goals.of_ports())), None)
+
+
+def _table(model: PollListModel, best: PortSetting | None) -> tuple[PortSetting, ...]:
+    """Some timeouts, also ones that are too short, and all retries up to one more than is recommended."""
+    unit, least, interval = timeout_unit(model), least_timeout(model), interval_for(model)
+    timeouts = {max(unit, least // 2 // unit * unit), least}
+    top = least
+    for _ in range(_STEPS):
+        top = top_of_step(model, top)
+        timeouts.add(top)
+        top += unit if model.words is not None else least
+    if model.timeout % unit == 0 and model.timeout:
+        timeouts.add(model.timeout)
+    last = max(3, (best.retries if best is not None else 2) + 1)
+    return tuple(
+        setting_of(model, timeout, retries, interval)
+        for timeout in sorted(timeouts)
+        for retries in range(last + 1)
+    )
+
+
+def _conflict(tried: list[PortSetting], goals: Goals, names: tuple[str, ...]) -> str:
+    """What stands against what, with the best of each that the others leave."""
+    texts = goals.port_texts()
+    parts = []
+    for name in names:
+        others = tuple(other for other in names if other != name)
+        best = min((each.value(name) for each in tried if _meets(each, goals, others)), default=math.inf)
+        figure = f"{a_year(best)} a year" if name == "errors" else ms_at_most(best)
+        given = f"with {' and '.join(texts[other] for other in others)}, " if others else ""
+        parts.append(f"{given}the best is {figure}")
+    if len(names) == 1:
+        return f"{texts[names[0]]}: no setting does; {parts[0]}"
+    return f"{' and '.join(texts[name] for name in names)}: not together; {'; '.join(parts)}"
+
+
+_SKIPPED = (
+    f"skip_after_failure: {_SKIP} of each poll, so that a device that is off is asked in every tenth turn"
+)
+
+
+def _skipping(model: PollListModel) -> PollListModel:
+    polls = tuple(replace(poll, skip=_SKIP if poll.device else 1) for poll in model.polls)
+    return replace(model, polls=polls)
+
+
+def _remedies(model: PollListModel, goals: Goals, changed: _Changed) -> Iterator[Remedy]:
+    """Changes that make all goals possible: the fewest of them that do, each with its setting."""
+    for count in (1, 2, 3):
+        found = False
+        for kinds in combinations(("join", "baud", "skip"), count):
+            remedy = _tried(model, goals, changed, kinds)
+            if remedy is not None:
+                found = True
+                yield remedy
+        if found:
+            break
+    for name in goals.of_ports():
+        eased = goals.with_limit(name, math.inf)
+        best = min(
+            (each.value(name) for each in _settings(model) if _meets(each, eased, goals.of_ports())),
+            default=None,
+        )
+        if best is not None:
+            limit = goals.rounded_up(name, best)
+            setting = _least(list(_settings(model)), goals.with_limit(name, limit))
+            if setting is not None:
+                yield Remedy(f"{goals.form_of(name, limit)} instead of {goals.form_of(name)}", setting)
+
+
+def _tried(model: PollListModel, goals: Goals, changed: _Changed, kinds: tuple[str, ...]) -> Remedy | None:
+    own = model.timing.baud if model.timing is not None else 0
+    join = "join" in kinds
+    for baud in [each for each in _BAUDS if each > own] if "baud" in kinds else [None]:
+        found = changed(baud, join)
+        if found is None or not found.valid or (join and not found.joined):
+            continue
+        texts = [f"one read for {', '.join(names)}" for names in found.joined] if join else []
+        texts += [f"{baud} bps instead of {own}"] if baud is not None else []
+        texts += [_SKIPPED] if "skip" in kinds else []
+        setting = _least(list(_settings(_skipping(found) if "skip" in kinds else found)), goals)
+        if setting is not None:
+            return Remedy(" and ".join(texts), setting)
+    return None
