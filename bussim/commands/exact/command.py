@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,17 +12,12 @@ from bussim.commands.common.scenario_options import code_option, set_option, tim
 from bussim.errors import UsageError
 from bussim.exact.text import ALMOST_CERTAIN, NOT_COVERED, ms, ms_cell, one_in
 from bussim.files import made_folder
-from bussim.units import TICKS_PER_SECOND
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from rich.console import Console
 
     from bussim.exact.metrics import Figures
     from bussim.exact.metrics import Request as RequestType
-    from bussim.exact.periods import Period
-    from bussim.exact.polls.metrics import PollFigures
     from bussim.scenario.model import Scenario
 
 #: Levels of exceeding that the picture reaches below the least quantile asked for.
@@ -77,10 +71,8 @@ def command(
     """
     from bussim import api
     from bussim.commands.common.progress import progress_bar
-    from bussim.exact.from_scenario import from_scenario
-    from bussim.exact.latency.bounds import bounds_of
-    from bussim.exact.metrics import Request, figures_of
-    from bussim.scenario.provenance import ASSUMED
+    from bussim.exact.metrics import Request
+    from bussim.exact.solution import exact
 
     request = Request(
         levels=_levels(levels),
@@ -89,33 +81,22 @@ def command(
     )
     loaded = api.load(scenario, overrides, allow_code=allow_code)
     show_carried(loaded, err=as_json)
-    models = from_scenario(loaded, ignore_faults=ignore_faults)
-    polls = _polls(loaded)
-    if not (models or polls or loaded.latency):
-        raise UsageError(f"{scenario} has neither an N:N link nor a Modbus poll list nor a latency")
-    if plot and not models:
-        raise UsageError(f"{scenario} has no N:N link, whose law --plot draws")
     with progress_bar() as progress:
-        found = {bus: figures_of(model, request, progress) for bus, model in models.items()}
-        changing = {}
-        if not all(figures.valid for figures in found.values()):
-            changing = _changing(loaded, request, progress)
-    bounds = bounds_of(loaded) if loaded.latency else {}
+        solved = exact(
+            loaded,
+            levels=request.levels,
+            deadlines=request.deadlines,
+            mission=request.mission,
+            ignore_faults=ignore_faults,
+            progress=progress,
+        )
+    found, polls, bounds, changing = solved.links, solved.polls, solved.latency, solved.periods
+    if not (found or polls or loaded.latency):
+        raise UsageError(f"{scenario} has neither an N:N link nor a Modbus poll list nor a latency")
+    if plot and not found:
+        raise UsageError(f"{scenario} has no N:N link, whose law --plot draws")
     if as_json:
-        links = {bus: _json(figures) for bus, figures in found.items()}
-        for bus, each in changing.items():
-            links[bus]["periods"] = [
-                {**period.to_json(TICKS_PER_SECOND), **_json(figures)} for period, figures in each
-            ]
-        lists = {node: figures.to_json() for node, figures in polls.items()}
-        result: dict[str, object] = {"schema": 1, "links": links, "polls": lists}
-        if loaded.carried:
-            result["warnings"] = [asdict(each) for each in loaded.carried]
-        if bounds:
-            result["latency"] = {name: bound.to_json() for name, bound in bounds.items()}
-        # As times of ports and programs are.
-        result["rests_on"] = dict.fromkeys(("polls", "latency"), ASSUMED)
-        print_json(result)
+        print_json(solved.to_dict())
     else:
         from bussim.commands.common.console import wide_console
 
@@ -145,30 +126,6 @@ def command(
         raise UsageError("--out is where --plot puts its pictures: give --plot as well")
 
 
-def _changing(
-    scenario: Scenario, request: RequestType, progress: Callable[[str, int, int], None] | None
-) -> dict[str, list[tuple[Period, Figures]]]:
-    """The figures of each link for which a fault comes or goes, period by period."""
-    from bussim.exact.metrics import figures_of
-    from bussim.exact.periods import periods_of
-
-    return {
-        bus: [(period, figures_of(period.model, request, progress)) for period in periods]
-        for bus, periods in periods_of(scenario).items()
-        if len(periods) > 1 or periods[0].model.valid
-    }
-
-
-def _polls(scenario: Scenario) -> dict[str, PollFigures]:
-    """Figures of every poll list, by its node."""
-    if not (scenario.devices or any(plc.polls or plc.program for plc in scenario.plcs)):
-        return {}
-    from bussim.exact.polls.from_scenario import poll_lists
-    from bussim.exact.polls.metrics import poll_figures
-
-    return {node: poll_figures(model) for node, model in poll_lists(scenario).items()}
-
-
 def _levels(text: str) -> dict[str, float]:
     found: dict[str, float] = {}
     for part in text.split(","):
@@ -181,13 +138,6 @@ def _levels(text: str) -> dict[str, float]:
             raise UsageError(f"--q has {key}, allowed 1e-15 up to, not including, 1")
         found[key] = level
     return found
-
-
-def _json(figures: Figures) -> dict[str, object]:
-    from bussim.exact.sizing.assumptions import rests_on
-
-    values = figures.to_json()
-    return {**values, "rests_on": rests_on(figures.model, values)}
 
 
 def _show(console: Console, bus: str, figures: Figures, request: RequestType) -> None:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -19,7 +18,6 @@ from bussim.files import made_folder
 if TYPE_CHECKING:
     from bussim.commands.size.verify import Verification
     from bussim.commands.size.verify_ports import PortVerification
-    from bussim.exact.sizing.goals import Goals
     from bussim.exact.sizing.size import Sizing
     from bussim.scenario.model import Scenario
 
@@ -66,11 +64,9 @@ def command(
     bussim size --stations 4 --mode 2. Where no noise is given, three levels of it are assumed and
     shown. The exit code is 1 if no setting meets the goals, or if a simulation disagrees with the law.
     """
-    from bussim.exact.from_scenario import from_scenario
-    from bussim.exact.sizing.ports.size import size_ports
-    from bussim.exact.sizing.size import size
+    from bussim.exact.sizing.sized import size
 
-    wanted = _goals(goals)
+    _check_goals(goals)
     described = {"--stations": stations, "--mode": mode, "--scan": scan, "--ber": ber, "--profile": profile}
     given = [name for name, value in described.items() if value is not None]
     if scenario is not None:
@@ -98,12 +94,8 @@ def command(
             if text.startswith("plcs.master.scan "):  # each PLC has the same
                 click.echo(f"warning: {text.replace('plcs.master.scan', '--scan', 1)}", err=True)
     show_carried(loaded, err=as_json)
-    models = from_scenario(loaded, ignore_faults=True, bound_end=True)
-    ports = size_ports(loaded, wanted)
-    if not (models or ports):
-        raise UsageError(f"{scenario} has neither an N:N link nor a Modbus poll list")
-    _check_goals(wanted, scenario or "the link", links=bool(models), ports=bool(ports))
-    found = {bus: size(model, wanted) for bus, model in models.items()}
+    sized = size(loaded, goals)
+    found, ports = sized.links, sized.ports
     verifications: dict[str, list[Verification]] = {}
     verified: dict[str, list[PortVerification]] = {}
     if check:
@@ -113,21 +105,12 @@ def command(
         with busy("simulating the choice"):
             verifications = {bus: verify(loaded, bus, sizing) for bus, sizing in found.items()}
             verified = {node: verify_port(loaded, node, sizing) for node, sizing in ports.items()}
-    links: dict[str, object] = {}
-    for bus, sizing in found.items():
-        values = sizing.to_json()
-        if check:
-            values["verify"] = [verdict.to_json() for verdict in verifications[bus]]
-        links[bus] = values
-    result: dict[str, object] = {"schema": 1, "links": links}
-    if ports:
-        checks = {node: [each.to_json() for each in verified.get(node, ())] for node in ports}
-        result["ports"] = {
-            node: {**sizing.to_json(), **({"verify": checks[node]} if check else {})}
-            for node, sizing in ports.items()
-        }
-    if loaded.carried:
-        result["warnings"] = [asdict(each) for each in loaded.carried]
+    result: dict[str, Any] = sized.to_dict()
+    if check:
+        for bus, each in verifications.items():
+            result["links"][bus]["verify"] = [verdict.to_json() for verdict in each]
+        for node, checks in verified.items():
+            result["ports"][node]["verify"] = [verdict.to_json() for verdict in checks]
     text = json.dumps(result, indent=2, ensure_ascii=False, allow_nan=False)
     if as_json:
         click.echo(text)
@@ -156,26 +139,14 @@ def command(
         raise RunError(f"simulation and law disagree on {', '.join(failed)}: see above")
 
 
-def _goals(texts: tuple[str, ...]) -> Goals:
+def _check_goals(texts: tuple[str, ...]) -> None:
+    """Mistakes in goals are said before those in a scenario."""
     from bussim.exact.sizing.goals import Goals
 
     try:
-        return Goals().with_texts(texts)
+        Goals().with_texts(texts)
     except ValueError as error:
         raise UsageError(str(error)) from None
-
-
-def _check_goals(goals: Goals, name: str, *, links: bool, ports: bool) -> None:
-    """A goal that nothing in the scenario can meet or miss is a mistake."""
-    from bussim.exact.sizing.goals import LINK_GOALS, PORT_GOALS
-
-    known = {*(LINK_GOALS if links else ()), *(PORT_GOALS if ports else ())}
-    strange = [goal for goal in goals.given if goal not in known]
-    if strange:
-        missing = "Modbus poll lists" if links else "N:N links"
-        raise UsageError(
-            "\n".join(f"--goal {goal} is of {missing}, of which {name} has none" for goal in strange)
-        )
 
 
 def _write(scenario: Scenario, found: dict[str, Sizing], text: str, folder: Path) -> list[Path]:

@@ -42,7 +42,7 @@ def test_a_scenario_without_a_link_is_sized_and_verified(line: str) -> None:
     found = json.loads(done.output)
     assert found["links"] == {}
     port = found["ports"]["p.COM3"]
-    assert port["recommended"]["timeout_ms"] == 20
+    assert port["recommended"]["timeout_ms"] == 10
     assert {"retries", "interval_ms"} < set(port["recommended"])
     with_noise, off = port["verify"]
     assert with_noise["agrees"] is off["agrees"] is True
@@ -50,8 +50,8 @@ def test_a_scenario_without_a_link_is_sized_and_verified(line: str) -> None:
     assert off["dead"] in {"s1", "s2"}
     shown = CliRunner().invoke(size, [line]).output
     assert "2 devices" not in shown
-    assert f"recommended: timeout 20 ms, {port['recommended']['retries']} retries" in shown
-    assert "MOV K2 D7929  ; timeout: 20 ms" in shown
+    assert f"recommended: timeout 10 ms, {port['recommended']['retries']} retries" in shown
+    assert "MOV K1 D7929  ; timeout: 10 ms" in shown
 
 
 def test_goals_of_what_a_scenario_lacks_and_goals_that_cannot_be_met(

@@ -1,0 +1,133 @@
+"""``bussim.exact``: everything that is known of a scenario without simulating it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, dataclass, field
+from os import PathLike
+from typing import TYPE_CHECKING
+
+from bussim.exact.from_scenario import from_scenario
+from bussim.exact.metrics import Figures, Request, figures_of
+from bussim.exact.periods import Period, periods_of
+from bussim.exact.sizing.assumptions import rests_on
+from bussim.scenario import loader
+from bussim.scenario.model import Scenario
+from bussim.scenario.provenance import ASSUMED
+from bussim.units import TICKS_PER_SECOND
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from bussim.exact.latency.bounds import LatencyBound
+    from bussim.exact.polls.metrics import PollFigures
+
+#: Called with what is worked out, how much of it is done, and how much there is.
+Progress = Callable[[str, int, int], None]
+_LEVELS = ("1e-3", "1e-6", "1e-9")
+
+
+@dataclass(frozen=True, slots=True)
+class Exact:
+    """What ``bussim exact`` says of a scenario; :meth:`to_dict` is its JSON form.
+
+    ``links`` are by bus, ``polls`` by master (``press1.COM3``, or a device), ``latency`` by entry; times in
+    ticks of 1/72 MHz there, in ms in :meth:`to_dict`. ``periods`` has the links for which a fault comes or
+    goes, before, during and after it.
+    """
+
+    scenario: Scenario
+    links: dict[str, Figures]
+    polls: dict[str, PollFigures]
+    latency: Mapping[str, LatencyBound]
+    periods: dict[str, list[tuple[Period, Figures]]] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, object]:
+        """The JSON form, times in ms."""
+        links = {bus: _json(figures) for bus, figures in self.links.items()}
+        for bus, each in self.periods.items():
+            links[bus]["periods"] = [
+                {**period.to_json(TICKS_PER_SECOND), **_json(figures)} for period, figures in each
+            ]
+        lists = {node: figures.to_json() for node, figures in self.polls.items()}
+        result: dict[str, object] = {"schema": 1, "links": links, "polls": lists}
+        if self.scenario.carried:
+            result["warnings"] = [asdict(each) for each in self.scenario.carried]
+        if self.latency:
+            result["latency"] = {name: bound.to_json() for name, bound in self.latency.items()}
+        # As times of ports and programs are.
+        result["rests_on"] = dict.fromkeys(("polls", "latency"), ASSUMED)
+        return result
+
+    def table(self) -> pd.DataFrame:
+        """The figures of the links that are single numbers, one row a link, times in ms."""
+        import pandas as pd
+
+        rows = {bus: _json(figures) for bus, figures in self.links.items()}
+        kept = {
+            bus: {
+                key: value for key, value in row.items() if value is None or isinstance(value, (int, float))
+            }
+            for bus, row in rows.items()
+        }
+        return pd.DataFrame.from_dict(kept, orient="index")
+
+
+def exact(
+    scenario: Scenario | str | PathLike[str],
+    *,
+    levels: Iterable[str] = _LEVELS,
+    deadlines: Iterable[int] = (),
+    mission: int | None = None,
+    refresh: bool = True,
+    ignore_faults: bool = False,
+    progress: Progress | None = None,
+) -> Exact:
+    """Work out link scan times, poll cycles and latencies of a scenario, given as such, as a file or by name.
+
+    ``levels`` are the probabilities of exceeding at which quantiles are asked for, as texts, ``deadlines``
+    times in ticks of 1/72 MHz whose exceeding is, ``mission`` the time in ticks in which the longest scan is
+    asked for (None: a year). Without ``refresh`` the ages of the blocks, which take longest, are left out;
+    with ``ignore_faults`` what acts only for a part of the run.
+
+    Raises ScenarioError or UsageError for a scenario that cannot be loaded; ValueError for a level that is
+    no number.
+    """
+    loaded = scenario if isinstance(scenario, Scenario) else loader.load(scenario)
+    asked = Request(
+        levels={text: float(text) for text in levels}, deadlines=tuple(deadlines), refresh=refresh
+    )
+    if mission is not None:
+        asked = Request(levels=asked.levels, deadlines=asked.deadlines, mission=mission, refresh=refresh)
+    models = from_scenario(loaded, ignore_faults=ignore_faults)
+    found = {bus: figures_of(model, asked, progress) for bus, model in models.items()}
+    periods = {}
+    if not all(figures.valid for figures in found.values()):
+        periods = {
+            bus: [(period, figures_of(period.model, asked, progress)) for period in each]
+            for bus, each in periods_of(loaded).items()
+            if len(each) > 1 or each[0].model.valid
+        }
+    return Exact(loaded, found, _polls(loaded), _latency(loaded), periods)
+
+
+def _json(figures: Figures) -> dict[str, object]:
+    values = figures.to_json()
+    return {**values, "rests_on": rests_on(figures.model, values)}
+
+
+def _polls(scenario: Scenario) -> dict[str, PollFigures]:
+    if not (scenario.devices or any(plc.polls or plc.program for plc in scenario.plcs)):
+        return {}
+    from bussim.exact.polls.from_scenario import poll_lists
+    from bussim.exact.polls.metrics import poll_figures
+
+    return {node: poll_figures(model) for node, model in poll_lists(scenario).items()}
+
+
+def _latency(scenario: Scenario) -> Mapping[str, LatencyBound]:
+    if not scenario.latency:
+        return {}
+    from bussim.exact.latency.bounds import bounds_of
+
+    return bounds_of(scenario)
