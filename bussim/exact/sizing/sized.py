@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 class Sized:
     """What ``bussim size`` recommends; :meth:`to_dict` is its JSON form.
 
-    ``links`` are by bus, ``ports`` by master (``press1.COM3``, or a device); times are ticks of 1/72 MHz there
-    and ms in :meth:`to_dict`.
+    ``links`` are by bus, ``ports`` by master (``press1.COM3``, or a device); times are ticks there
+    (1/72 MHz) and ms in :meth:`to_dict`.
     """
 
     scenario: Scenario
