@@ -70,7 +70,7 @@ class SigrokFile(Source):
         self.samples = 0
         try:
             self._zip = zipfile.ZipFile(path)
-        except (OSError, zipfile.BadZipFile) as error:
+        except _ZIP_ERRORS as error:
             raise RecordingError(f"{path}: no sigrok session: {error}") from error
         try:
             self._read_metadata()
