@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import logging
 import os
 import shutil
 import stat
@@ -11,8 +12,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
+from zlib import crc32
 
 from bussim.errors import RunError, UsageError
+from bussim.wording import visible
 
 if TYPE_CHECKING:
     from filelock import BaseFileLock
@@ -48,19 +51,43 @@ _BAD_PATHS = frozenset(
 def written_whole(path: Path) -> Iterator[Path]:
     """A new file beside a path, which becomes it if all goes well and is removed if not.
 
-    No other file has its name: of several writers of one path the last one's file stays, whole.
+    No other file has its name: of several writers of one path the last one's file stays, whole. Each that
+    notices another one says so in a line of the log (level WARNING, which is standard error by default).
     Raises UsageError or RunError where it cannot be written, as :func:`not_written` says.
     """
-    part = path.with_name(f"bussim-{os.urandom(8).hex()}.part")
+    writers = f"bussim-{crc32(os.fsencode(path.name)):08x}-"
+    part = path.with_name(f"{writers}{os.urandom(8).hex()}.part")
     try:
         part.open("x").close()
         try:
+            before = _version(path)
             yield part
+            own, found = _version(part), _version(path)
             part.replace(path)
+            others = [other.name for other in path.parent.glob(f"{writers}*.part")]
+            now = _version(path)
         finally:
             part.unlink(missing_ok=True)
     except OSError as error:
         raise not_written(path, error) from error
+    if now != own:
+        said = "was replaced at once: another command wrote it at the same time, and its file is there now"
+    elif others:
+        said = f"is whole; another command writes it, too, and will replace it, or was killed ({others[0]})"
+    elif found != before:
+        said = "is whole, and replaces what another command wrote there meanwhile"
+    else:
+        return
+    logging.getLogger("bussim").warning("%s %s", visible(str(path)), said)
+
+
+def _version(path: Path) -> tuple[int, ...] | None:
+    """What distinguishes a file from another one that takes its name; None where there is none."""
+    try:
+        found = path.stat()
+    except FileNotFoundError:
+        return None
+    return found.st_dev, found.st_ino, found.st_mtime_ns, found.st_size
 
 
 def made_folder(path: Path) -> Path:

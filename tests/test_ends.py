@@ -146,6 +146,51 @@ def test_two_writers_of_one_file(tmp_path: Path) -> None:
     assert {path.name for path in tmp_path.iterdir()} == {"x.vcd", "x.vcd.part"}
 
 
+def test_of_two_writers_each_says_what_became_of_its_file(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    def said() -> str:
+        text = " ".join(caplog.messages)
+        caplog.clear()
+        return text
+
+    target = tmp_path / "x.vcd"
+    target.write_text("before")
+    first, second = written_whole(target), written_whole(target)
+    first.__enter__().write_text("first")
+    second.__enter__().write_text("second")
+    assert said() == ""
+    first.__exit__(None, None, None)
+    assert target.read_text() == "first"
+    assert f"{target} is whole; another command writes it, too, and will replace it" in said()
+    second.__exit__(None, None, None)
+    assert target.read_text() == "second"
+    assert said() == f"{target} is whole, and replaces what another command wrote there meanwhile"
+    with (
+        written_whole(tmp_path / "y.vcd"),
+        written_whole(target) as part,
+    ):  # one behind the other, or elsewhere
+        part.write_text("third")
+    assert said() == ""
+
+
+def test_a_file_that_is_replaced_at_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target, replace = tmp_path / "x.vcd", Path.replace
+
+    def replaced(part: Path, path: Path) -> None:
+        replace(part, path)
+        path.write_text("another's")
+
+    monkeypatch.setattr(Path, "replace", replaced)
+    with written_whole(target):
+        pass
+    assert caplog.messages == [
+        f"{target} was replaced at once: another command wrote it at the same time, and its file is there now"
+    ]
+
+
 def test_a_file_has_the_rights_of_any_other(tmp_path: Path) -> None:
     (tmp_path / "other").touch()
     with written_whole(tmp_path / "new") as part:

@@ -56,7 +56,7 @@ class Wire:
         self.options = options
         self.clock = clock or Clock()
         self.counts = WireCounts()
-        self._report = report
+        self.report = report
         self._endpoint: Endpoint | None = None
         self._name = url
         #: Characters by received byte.
@@ -84,7 +84,7 @@ class Wire:
         for text in endpoint.warnings:
             if text not in self._warned:
                 self._warned.add(text)
-                self._report(text)
+                self.report(text)
 
     @property
     def connected(self) -> bool:
@@ -144,7 +144,7 @@ class Wire:
         self.counts.losses += 1
         self._wait = self.options.retry_first
         self._retry_at = self.clock.now() + self._wait
-        self._report(f"{self.url} is lost ({error}); it will be tried again")
+        self.report(f"{self.url} is lost ({error}); it will be tried again")
 
     def _try_again(self, until: int) -> None:
         """Wait until a lost port may be tried again, or ``until``, and try."""
@@ -161,4 +161,4 @@ class Wire:
             self._retry_at = self.clock.now() + self._wait
             return
         self.counts.returns += 1
-        self._report(f"{self.url} is back")
+        self.report(f"{self.url} is back")

@@ -26,9 +26,17 @@ from bussim.serve.external_frames import ExternalFrames
 from bussim.serve.external_node import ExternalNode
 from bussim.sim.kernel import SENDING, Kernel
 from bussim.sim.wire.contract import LineNode, Transmission
+from bussim.units import TICKS_PER_SECOND, format_ms
+from bussim.wording import counted
 
 if TYPE_CHECKING:
     from bussim.serve.external_node import PartlyExternalLine
+
+
+#: A silence that ends an unfinished frame and is longer by this factor than what may be in one was meant to.
+_SAME_REQUEST = 4
+#: How often it is reported at most (ticks).
+_REPORT_EVERY = 10 * TICKS_PER_SECOND
 
 
 class Bridge:
@@ -47,6 +55,7 @@ class Bridge:
         self._open = bytearray()  # received since the line was idle, at most a little more than a frame
         self._last = 0  # when the last chunk was over
         self._sent_since = False  # a node of this line has sent since
+        self._report_from = 0  # when the next frame that is given up may be reported
         self.frames: ExternalFrames | None = None
 
     def attach(self, line: PartlyExternalLine, kernel: Kernel) -> None:
@@ -177,13 +186,30 @@ class Bridge:
             quiet = max(
                 (port.quiet(port.timing) for port in line.ports if port.engine is not None), default=0
             )
-            if begun - self._last >= quiet + (0 if self._whole() else self.wire.options.tolerance):
+            silence, tolerance = begun - self._last, self.wire.options.tolerance
+            if silence >= quiet + (0 if (whole := self._whole()) else tolerance):
+                if not whole and self._rtu() and silence < _SAME_REQUEST * (quiet + tolerance):
+                    self._given_up(silence, quiet + tolerance, now)
                 self._open.clear()
 
     def _whole(self) -> bool:
         """Whether the bytes so far are a whole RTU frame, which its silence ends at once."""
-        rtu = any(self.line.protocol_of(port) == "modbus-rtu" for port in self.line.ports)
-        return rtu and isinstance(decode_rtu(bytes(self._open)), Adu)
+        return self._rtu() and isinstance(decode_rtu(bytes(self._open)), Adu)
+
+    def _rtu(self) -> bool:
+        return any(self.line.protocol_of(port) == "modbus-rtu" for port in self.line.ports)
+
+    def _given_up(self, silence: int, allowed: int, now: int) -> None:
+        """Report a frame that was perhaps a request whose sender paused."""
+        if now < self._report_from:
+            return
+        self._report_from = now + _REPORT_EVERY
+        self.wire.report(
+            f"{self.wire.url}: a frame was given up: behind its first "
+            f"{counted(len(self._open), 'character')} nothing came for {format_ms(silence)}, at most "
+            f"{format_ms(allowed)} are allowed; if it was a request with pauses, raise --tolerance, "
+            f"which is {format_ms(self.wire.options.tolerance)}"
+        )
 
     # -- noise and faults on what comes in -----------------------------------------------------------
 

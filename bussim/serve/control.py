@@ -26,6 +26,7 @@ import stat
 import sys
 import tempfile
 import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -36,7 +37,9 @@ from bussim.files import not_written
 #: Bytes of a request or a reply at most.
 _LONGEST = 256 * 1024
 #: Seconds that a peer may take for its line, and between two checks whether to end.
-_LONGEST_WAIT, _CHECK_EVERY = 2.0, 0.2
+_LONGEST_WAIT, _CHECK_EVERY = 10.0, 0.2
+#: Peers that are answered at the same time.
+_MOST_PEERS = 32
 _UNIX = sys.platform != "win32" and hasattr(socket, "AF_UNIX")
 
 Handler = Callable[[dict[str, Any]], dict[str, Any]]
@@ -67,7 +70,7 @@ def control_folder() -> Path:
 
 
 class ControlServer:
-    """Serves requests in a thread of its own until :meth:`close`. ``handle`` may raise BussimError."""
+    """Serves requests in threads, one a peer, until :meth:`close`. ``handle`` may raise BussimError."""
 
     def __init__(self, scenario: str, handle: Handler) -> None:
         self._handle = handle
@@ -80,6 +83,7 @@ class ControlServer:
         self._listener.settimeout(_CHECK_EVERY)
         self._write_note({"scenario": scenario, "token": self._token, **where})
         self._closing = threading.Event()
+        self._free = threading.BoundedSemaphore(_MOST_PEERS)
         self._thread = threading.Thread(target=self._serve, name="bussim control", daemon=True)
         self._thread.start()
 
@@ -94,11 +98,11 @@ class ControlServer:
                 listener.close()
             else:
                 self._path = path
-                listener.listen(4)
+                listener.listen(_MOST_PEERS)
                 return listener, {"socket": str(path)}
         listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         listener.bind(("127.0.0.1", 0))
-        listener.listen(4)
+        listener.listen(_MOST_PEERS)
         return listener, {"port": listener.getsockname()[1]}
 
     def _write_note(self, note: dict[str, Any]) -> None:
@@ -124,15 +128,26 @@ class ControlServer:
                 continue
             except OSError:
                 return
+            if self._free.acquire(blocking=False):
+                threading.Thread(target=self._answer, args=(peer,), name="bussim peer", daemon=True).start()
+            else:
+                with peer, contextlib.suppress(OSError):
+                    peer.settimeout(_CHECK_EVERY)
+                    peer.sendall(_line({"ok": False, "error": f"{_MOST_PEERS} peers are answered already"}))
+
+    def _answer(self, peer: socket.socket) -> None:
+        try:
             with peer, contextlib.suppress(OSError):
-                peer.settimeout(_LONGEST_WAIT)
-                peer.sendall(_line(self._reply(peer.makefile("rb").readline(_LONGEST))))
+                peer.sendall(_line(self._reply(_line_from(peer))))
+        finally:
+            self._free.release()
 
     def _reply(self, text: bytes) -> dict[str, Any]:
         try:
             request = json.loads(text)
         except (ValueError, RecursionError):
-            return {"ok": False, "error": "this is no line of JSON"}
+            late = "" if text.endswith(b"\n") else f", or not whole within {_LONGEST_WAIT:g} s"
+            return {"ok": False, "error": f"this is no line of JSON{late}"}
         token = request.get("token") if isinstance(request, dict) else None
         if not isinstance(token, str) or not _same(token, self._token):
             return {"ok": False, "error": "this has not the token of this process"}
@@ -145,6 +160,19 @@ class ControlServer:
 def _same(token: str, own: str) -> bool:
     """Whether a token is the right one; of JSON, it may be any text, even halves of characters."""
     return hmac.compare_digest(token.encode(errors="surrogatepass"), own.encode())
+
+
+def _line_from(peer: socket.socket) -> bytes:
+    """What a peer sends, up to the end of its line or of its time."""
+    text, until = bytearray(), time.monotonic() + _LONGEST_WAIT
+    with contextlib.suppress(TimeoutError):
+        while not text.endswith(b"\n") and len(text) < _LONGEST:
+            peer.settimeout(max(0.001, until - time.monotonic()))
+            chunk = peer.recv(4096)
+            if not chunk:
+                break
+            text += chunk
+    return bytes(text)
 
 
 def _line(data: dict[str, Any]) -> bytes:

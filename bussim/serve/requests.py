@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -21,13 +22,13 @@ _LONGEST_WAIT = 5.0
 
 
 class SessionRequests:
-    """Carries out requests to a session; called from the control server's thread."""
+    """Carries out requests to a session; called from the control server's threads."""
 
     def __init__(self, session: Session, *, allow_code: bool = False, folder: Path | None = None) -> None:
         self._session = session
         self._allow_code = allow_code
         self._folder = folder
-        self._number = 0
+        self._numbers = count(1)
 
     def __call__(self, request: dict[str, Any]) -> dict[str, Any]:
         """The reply to a request. Raises UsageError."""
@@ -49,11 +50,10 @@ class SessionRequests:
             raise UsageError("a fault needs node, kind and values")
         texts = {str(key): str(value) for key, value in values.items()}
         scenario = self._session.scenario
-        self._number += 1
         fault, odd = checked(
             scenario,
             entry(scenario, node, kind, texts),
-            self._number,
+            next(self._numbers),
             allow_code=self._allow_code,
             folder=self._folder,
         )

@@ -8,7 +8,10 @@ import socket
 import stat
 import sys
 import tempfile
+import threading
+import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -215,6 +218,41 @@ def test_rubbish_on_the_control_socket_does_not_end_it(serving: Serving) -> None
             peer.connect(str(path))  # and goes without a word
         (found,) = running()
         assert found.ask(do="list")["scenario"] == "test"
+    finally:
+        server.close()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no Unix sockets")
+def test_peers_that_say_nothing_or_wait_keep_nobody_waiting() -> None:
+    """Half a line, silence, and a request that takes until a fault begins; others are answered meanwhile."""
+    held = threading.Event()
+
+    def handle(request: dict[str, Any]) -> dict[str, Any]:
+        if request["do"] == "wait":
+            held.wait(PATIENCE)
+        return {"did": request["do"]}
+
+    server = ControlServer("test", handle)
+    (found,) = running()
+    path = next(control_folder().glob("*.sock"))
+    try:
+        with contextlib.ExitStack() as stack:
+            pool = stack.enter_context(ThreadPoolExecutor(8))
+            stack.callback(held.set)
+            for part in (b"", b'{"do":', b" "):
+                peer = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
+                peer.connect(str(path))
+                peer.sendall(part)
+            waiting = pool.submit(found.ask, do="wait")
+            asked = [pool.submit(found.ask, do=f"{number}") for number in range(20)]
+            assert [each.result(PATIENCE)["did"] for each in asked] == [f"{number}" for number in range(20)]
+            assert not waiting.done()
+            slow = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
+            slow.connect(str(path))
+            for byte in json.dumps({"do": "slow", "token": found._token}).encode() + b"\n":
+                slow.sendall(bytes([byte]))
+                time.sleep(0.005)
+            assert json.loads(slow.makefile().readline()) == {"ok": True, "did": "slow"}
     finally:
         server.close()
 

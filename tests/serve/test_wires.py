@@ -48,6 +48,28 @@ def receive(handle: int, count: int) -> bytes:
     return data
 
 
+def test_a_request_with_pauses_is_answered_or_it_is_told_why_not() -> None:
+    tolerance = TICKS_PER_SECOND // 10
+    served = Serving(SLAVES, "oven", options=PortOptions(tolerance=tolerance))
+    with served as serving, opened(serving.device) as handle:
+        for pause in (0.001, 0.019):
+            for value in REQUEST:
+                time.sleep(pause)
+                os.write(handle, bytes([value]))
+            if not serving.reported:  # else this machine paused for longer
+                assert receive(handle, len(RESPONSE)) == RESPONSE
+        del serving.reported[:]
+        serving.session.bridges[0]._report_from = 0
+        os.write(handle, REQUEST[:3])
+        time.sleep(0.2)
+        os.write(handle, REQUEST[3:])
+        serving.wait_for(lambda: serving.reported)
+    (text,) = serving.reported
+    assert "a frame was given up: behind its first 3 characters nothing came for " in text
+    assert "at most 101.75 ms are allowed" in text
+    assert "raise --tolerance, which is 100 ms" in text
+
+
 def test_a_device_with_a_protocol_of_its_own_is_heard() -> None:
     with Serving(FREE, "reader") as serving, opened(serving.device) as handle:
         assert receive(handle, 24).startswith(b"4006381\r4006381\r4006381\r")
