@@ -79,7 +79,13 @@ def noisy(seed: int, kind: str, **profile: str) -> tuple[dict[str, Any], dict[st
     ]
     readout["ladder"] = {"thresholds_ms": thresholds, "rises": rises, "max_ms": int(times.max())}
     truth: dict[str, Any] = {"scans": int(seen.sum()), "bursts": kind == "bursts"}
-    if kind != "bursts":
+    if kind == "bursts":
+        link = last.totals.links[0]
+        failed = {k: sum(link.failed_attempts.get(k, {}).values()) for k in range(1, slaves + 1)}
+        # Each exchange has one attempt that does not fail, unless it ends in a station error.
+        tried = {k: link.polls / slaves + count - link.station_errors[k] for k, count in failed.items()}
+        truth["fails"] = {k: failed[k] / tried[k] for k in failed}
+    else:
         ends = probabilities_of(from_scenario(after)["link"])
         truth["fails"] = {k: end.failed for k, end in enumerate(ends, 1)}
         truth["any"] = 1 - math.prod(1 - end.failed for end in ends)

@@ -122,6 +122,19 @@ def test_bursts_are_failures_that_come_together(rises: list[int], bursts: str, t
         assert sizes(found)["likeliest"].choice is None
 
 
+def test_where_failures_may_come_together_lower_limits_allow_for_it(tmp_path: Path) -> None:
+    """40 station errors in 18,000 scans at n = 4: one by one p = 0.22; all in bursts, p = 40 / 18,000. Repeats make fewer scans."""
+    data = healthy()
+    seen(data, 0, D8204=40, D8212=4)
+    unknown = of(data, tmp_path).fails[1]
+    assert unknown.low == pytest.approx((poisson_mean(38)[0]) / 18_000, rel=0.2)
+    assert unknown.high == pytest.approx((poisson_mean(40)[1] / 18_000) ** 0.25, rel=0.08)
+    steady = of(data | {"ladder": {"thresholds_ms": [70, 101, 125], "rises": [900, 90, 8]}}, tmp_path).fails[
+        1
+    ]
+    assert steady.low == pytest.approx((poisson_mean(38)[0] / 18_000) ** 0.25, rel=0.08)
+
+
 def test_what_cannot_be_known_is_said_with_what_would_tell(tmp_path: Path) -> None:
     data = healthy()
     data["stations"] = data["stations"][:1]
@@ -184,6 +197,10 @@ def test_intervals_cover_the_truth_of_simulated_links(tmp_path: Path) -> None:
             tried[f"bursts {truth['bursts']}"] += 1
             covered[f"bursts {truth['bursts']}"] += found.bursts == "seen"
             if truth["bursts"]:
+                tried["fails in bursts"] += len(found.fails)
+                covered["fails in bursts"] += sum(
+                    f.low <= truth["fails"][k] <= f.high for k, f in found.fails.items()
+                )
                 continue
             k = Random(seed).randint(1, link.settings.slaves)
             least, _, most = found.measured.scans
@@ -206,7 +223,13 @@ def test_intervals_cover_the_truth_of_simulated_links(tmp_path: Path) -> None:
                     widths.setdefault(name, []).append(lens.high / lens.low)
             tried.update(tests.keys())
             covered.update(name for name, right in tests.items() if right)
-    for name, wanted in {"N": 0.95, "fails": 0.95, "bounds": 0.975, **dict.fromkeys("MSLET", 0.93)}.items():
+    for name, wanted in {
+        "N": 0.95,
+        "fails": 0.95,
+        "fails in bursts": 0.95,
+        "bounds": 0.975,
+        **dict.fromkeys("MSLET", 0.93),
+    }.items():
         assert binom.cdf(covered[name], tried[name], wanted) > 0.01, name
     assert binom.cdf(covered["bursts True"], tried["bursts True"], 0.95) > 0.01
     assert covered["bursts False"] <= 1

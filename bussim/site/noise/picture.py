@@ -9,7 +9,7 @@ from typing import Any
 
 from bussim.engines.nn import codes
 from bussim.site.link import SiteLink, SteadyNoise
-from bussim.site.noise.lenses import Lens, Measured, measure
+from bussim.site.noise.lenses import Lens, Measured, measure, poisson_mean
 from bussim.site.readout import Readout
 
 #: A reading this unlikely without bursts, or without another cause, is one of them.
@@ -88,8 +88,11 @@ def picture(readout: Readout, link: SiteLink) -> Picture:
     middle = link.attempt(value)
     most = link.attempt(SteadyNoise(wire[2], {j: lens.high for j, lens in own.items() if lens.count}))
     numbers = range(1, link.settings.slaves + 1)
-    fails = {k: _fails(found, k, [each.failed for each in least], middle[k - 1].failed) for k in numbers}
     bursts = _bursts(readout, found)
+    failing = [each.failed for each in least]
+    if bursts != "not seen":
+        failing = [min(each, _least_in_bursts(found)) for each in failing]
+    fails = {k: _fails(found, k, failing, middle[k - 1].failed, bursts) for k in numbers}
     unexplained = []
     senders, lost = {}, {}
     for k in numbers:
@@ -118,12 +121,9 @@ def picture(readout: Readout, link: SiteLink) -> Picture:
     noise = SteadyNoise(value.wire, value.receivers, senders, lost)
     left = {k: 1 - (1 - each.high) / (1 - most[k - 1].failed) for k, each in fails.items()}
     ends = link.attempt(noise)
-    fails = {
-        k: each
-        if each.lens == "M"
-        else replace(each, value=min(max(ends[k - 1].failed, each.low), each.high))
-        for k, each in fails.items()
-    }
+    for k, each in fails.items():
+        if bursts != "seen" and not (each.lens == "M" and each.low > 0):
+            fails[k] = replace(each, value=min(max(ends[k - 1].failed, each.low), each.high))
     limits = {j: lens.high for j, lens in own.items() if lens.count}
     upper = SteadyNoise(
         wire[2], limits, {}, {k: min(0.99, share) for k, share in left.items() if share > 1e-9}
@@ -147,22 +147,40 @@ def _wire(found: Measured, lens: Lens) -> tuple[float, float, float]:
     return max(0.0, lens.value - own.value), max(0.0, lens.low - own.high), lens.high
 
 
-def _fails(found: Measured, k: int, least: list[float], middle: float) -> Fails:
-    """The probability of a failed attempt: at least the damage that slaves tell, at most any cause's."""
-    lens, ladder = found.of("M", k), found.of("E", None)
+def _least_in_bursts(found: Measured) -> float:
+    """The least mean probability of a damaged data frame, bursts or not, by the frames that slaves count.
+
+    Each count is one damaged frame at least, of the master's data frame and its polls.
+    """
+    frames = 1 + found.link.settings.slaves
+    rates = [poisson_mean(lens.count)[0] / found.scans[2] / frames for lens in found.named("S")]
+    return min(rates, default=0.0)
+
+
+def _fails(found: Measured, k: int, least: list[float], middle: float, bursts: str) -> Fails:
+    """The probability of a failed attempt: at least the damage that slaves tell, at most any cause's.
+
+    Only where failures come one by one is p^n the probability that all attempts of an exchange fail; where
+    they come together that is likelier, up to p itself, and D8202 and the ladder bound nothing.
+    """
+    lens, ladder, link = found.of("M", k), found.of("E", None), found.link
     if lens is not None and lens.count:
-        low = max(lens.low, least[k - 1])
-        return Fails(max(lens.value, low), low, max(lens.high, low), "M")
+        lowest = lens.low if bursts == "not seen" else link.station_errors(lens.low)
+        low = min(max(lowest, least[k - 1]), lens.high)
+        share = ladder.value / link.settings.slaves if ladder is not None else low
+        value = max(share, low) if bursts == "seen" else max(lens.value, low)
+        return Fails(min(value, lens.high), low, lens.high, "M")
     limits = {"M": lens.high} if lens is not None else {}
-    if bounds := found.named("X"):
+    if bursts != "seen" and (bounds := found.named("X")):
         # At one station alone, the same longest scan leaves so much more.
-        limits["X"] = min(1.0, max(bound.high for bound in bounds) * found.link.settings.slaves)
-    if ladder is not None:
+        limits["X"] = min(1.0, max(bound.high for bound in bounds) * link.settings.slaves)
+    if bursts != "seen" and ladder is not None:
         others = sum(each for j, each in enumerate(least, 1) if j != k)
         limits["E"] = max(0.0, -log(1 - ladder.high) - others)
     name = min(limits, key=lambda one: limits[one], default="")
     high = max(limits.get(name, 1.0), least[k - 1])
-    return Fails(min(middle, high), min(least[k - 1], high), high, f"S and {name}" if middle else name)
+    value = min(max(middle, least[k - 1]), high)
+    return Fails(value, min(least[k - 1], high), high, f"S and {name}" if middle else name)
 
 
 def _silent(readout: Readout, found: Measured, k: int) -> bool:
