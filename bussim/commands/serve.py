@@ -133,6 +133,8 @@ def _serve(session: Session, stop: Any, folder: Path, *, allow_code: bool) -> No
 
     for text in session.described():  # for people and, by its last word, for programs
         click.echo(text, err=True)
+    for text in session.hints():
+        click.echo(text, err=True)
     click.echo("Ctrl-C ends it.", err=True)
     requests = SessionRequests(session, allow_code=allow_code, folder=folder)
     control = ControlServer(session.scenario.name, requests)
@@ -171,6 +173,7 @@ def _show(session: Session, record: RunRecord, results: Path | None, *, as_json:
         click.echo(
             f"{line}: {counted(counts['received'], 'byte')} in, {counts['sent']:,} out, "
             f"{counts['dropped']:,} dropped, lost {counted(counts['losses'], 'time')}"
+            + (f" for {counts['away_s']:.1f} s" if counts["losses"] else "")
         )
     late = record.summary["served"]["late_ms"]
     click.echo(f"late: {late['mean']:.3f} ms on average, {late['max']:.3f} ms at most")

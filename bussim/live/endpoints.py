@@ -94,7 +94,7 @@ def open_endpoint(url: str, line: LineTiming, options: PortOptions) -> Endpoint:
 
 
 def _checked_address(url: str) -> tuple[str, int] | None:
-    """Host and port of a URL that needs them. Raises UsageError for what is neither, and for no name at all."""
+    """Host and port of a URL that needs them. Raises UsageError for what is neither, and for no name."""
     if not url.strip():
         raise UsageError("a port without a name: write COM7, /dev/ttyUSB0, socket://HOST:PORT or pty")
     scheme = url.partition("://")[0].lower()
@@ -196,8 +196,11 @@ class SerialEndpoint:
 
     def close(self) -> None:
         """See the protocol."""
+        connection = getattr(self._port, "_socket", None)
         with contextlib.suppress(*LOST_ERRORS, AttributeError):
             self._port.close()
+        if connection is not None:  # which pyserial leaves open if the other side has closed it
+            connection.close()
 
 
 def _without_parity(fmt: CharFormat) -> CharFormat:

@@ -11,7 +11,7 @@ from bussim.engines.modbus.events import FrameRejected, TransactionEnded
 from bussim.engines.modbus.framing import Framing
 from bussim.engines.modbus.gaps import STANDARD_GAPS, silences
 from bussim.engines.modbus.master import MasterConfig
-from bussim.engines.modbus.pdu import Request, encode_request
+from bussim.engines.modbus.pdu import Request, encode_request, response_size
 from bussim.engines.modbus.polls import Poll, PollList
 from bussim.engines.modbus.resync import ResyncingMaster
 from bussim.engines.modbus.server import RegisterMap
@@ -113,8 +113,8 @@ def master_runner(
     return EngineRunner(engine, wire, quiet=quiet, mode=mode, handling=handling)
 
 
-class EchoCheck:
-    """Tells an adapter's echo from the response to a write of one item, which is the request once more."""
+class PortCheck:
+    """What responses say about a port: whether it returns what is sent, and whether its bytes take time."""
 
     def __init__(self, wire: Wire, mode: Mode, timeout: int) -> None:
         self._wire, self._timeout = wire, timeout
@@ -123,10 +123,26 @@ class EchoCheck:
         #: Whether what is sent comes back; None where nothing made that likely.
         self.found: bool | None = None
 
-    def doubts(self, written: TransactionEnded) -> bool:
-        """Whether what was taken is an echo: it came before a station can have responded, and so do reads.
+    def no_time(self, ended: TransactionEnded) -> bool:
+        """Whether a good response came sooner than its characters let it, so that its time is not known.
 
-        A read of what was written is sent, once: its response cannot equal it. Nothing else may be under way.
+        The port has no pace then, and later times are reckoned so.
+        """
+        wire, sent, end = self._wire, ended.sent, ended.answer_end
+        if wire.instant or sent is None or end is None or ended.error is not None:
+            return False
+        sizes = len(encode_request(ended.request)), response_size(ended.request)
+        least = sum(wire.timing.characters(self._framing.chars(size)) for size in sizes)
+        if end - sent >= least:
+            return False
+        wire.has_no_pace()
+        return True
+
+    def is_echo(self, written: TransactionEnded) -> bool:
+        """Whether what a write took is an echo, since its response equals it.
+
+        It is if it came before a station can have responded and a read of what was written comes back, too:
+        that is sent once, and its response cannot equal it. Nothing else may be under way.
         """
         asked, end, wire = written.asked, written.answer_end, self._wire
         if written.error is not None or asked is None or end is None or wire.options.echo:

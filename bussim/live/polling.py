@@ -25,7 +25,7 @@ class Turn:
     """A turn of a poll: its index in the list, and its attempts, the last of which decided it.
 
     ``instead`` is an earlier request, which had timed out, that the response taken may answer. ``echoed``:
-    what was taken is no response, but the request that the adapter returns.
+    what was taken is no response, but the request that the adapter returns. ``timed``: its times are known.
     """
 
     index: int
@@ -34,6 +34,7 @@ class Turn:
     ended: PollEnded
     instead: Unanswered | None = None
     echoed: bool = False
+    timed: bool = True
 
     @property
     def last(self) -> TransactionEnded:
@@ -59,7 +60,13 @@ class Turn:
     def response(self) -> int | None:
         """Ticks from the end of the request to the end of its response, None where unknown."""
         last = self.last
-        if self.instead is not None or not self.responded or last.asked is None or last.answer_end is None:
+        if (
+            not self.timed
+            or self.instead is not None
+            or not self.responded
+            or last.asked is None
+            or last.answer_end is None
+        ):
             return None
         return last.answer_end - last.asked
 

@@ -12,6 +12,7 @@ from bussim.live.arrival import characters_of
 from bussim.live.clock import Clock, as_seconds
 from bussim.live.endpoints import LOST_ERRORS, Endpoint, open_endpoint, why_not
 from bussim.live.options import DEFAULT_OPTIONS, PortOptions
+from bussim.units import seconds
 
 
 @dataclass(slots=True)
@@ -25,8 +26,9 @@ class WireCounts:
     losses: int = 0  # times that the port was lost
     retries: int = 0  # attempts to open it again
     returns: int = 0  # times that it came back
+    away_s: float = 0.0  # seconds for which it was lost before it came back
 
-    def to_json(self) -> dict[str, int]:
+    def to_json(self) -> dict[str, float]:
         """Plain data."""
         return asdict(self)
 
@@ -65,7 +67,7 @@ class Wire:
         self.framed = False
         self._instant = False
         self._warned: set[str] = set()
-        self._retry_at = 0
+        self._retry_at = self._lost_at = 0
         self._wait = options.retry_first
 
     def open(self) -> None:
@@ -106,6 +108,14 @@ class Wire:
         """Whether bytes take no time on this wire."""
         return self._instant
 
+    def has_no_pace(self) -> None:
+        """Bytes came sooner than rate and format let them, so that they take no time: said once."""
+        self._instant = True
+        self.report(
+            f"{self.url} is faster than {self.timing.baud} {self.timing.format} can be: "
+            "its bytes take no time, and response times are the other side's alone"
+        )
+
     def read(self, until: int) -> bytes:
         """What has come, as soon as something has; empty at the tick ``until`` or when the port is lost."""
         endpoint = self._endpoint
@@ -143,6 +153,7 @@ class Wire:
         self.close()
         self.counts.losses += 1
         self._wait = self.options.retry_first
+        self._lost_at = self.clock.now()
         self._retry_at = self.clock.now() + self._wait
         self.report(f"{self.url} is lost ({error}); it will be tried again")
 
@@ -161,4 +172,6 @@ class Wire:
             self._retry_at = self.clock.now() + self._wait
             return
         self.counts.returns += 1
-        self.report(f"{self.url} is back")
+        away = seconds(self.clock.now() - self._lost_at)
+        self.counts.away_s = round(self.counts.away_s + away, 3)
+        self.report(f"after {away:.1f} s {self.url} is back")

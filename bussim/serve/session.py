@@ -35,6 +35,11 @@ from bussim.wording import counted
 
 #: The duration of a run without an end (100 years).
 FOREVER = 100 * 365 * 86_400 * 72_000_000
+#: Said of a wire whose bytes take no time.
+_NO_PACE = (
+    "has no pace: what others send takes no time there, so that scan times are shorter than on a line, and a "
+    "bus load may be above 100 %; --paced on both sides spaces bytes at the line's rate"
+)
 #: Lateness that is worth a warning in the results.
 _LATE = 10 * TICKS_PER_MS
 
@@ -190,6 +195,15 @@ class Session:
             for node in target.nodes
         )
 
+    def hints(self) -> tuple[str, ...]:
+        """What is to be known of the wires that an N:N link is served on."""
+        pairs = zip(self.targets, self.wires, strict=True)
+        return tuple(
+            f"{wire.name} {_NO_PACE}"
+            for target, wire in pairs
+            if target.protocol is BusProtocol.NN and wire.instant and not wire.options.paced
+        )
+
     @property
     def now(self) -> int:
         """The present tick of the simulation."""
@@ -233,9 +247,12 @@ class Session:
         warnings = []
         for target, wire in zip(self.targets, self.wires, strict=True):
             warnings.append(f"{target.name} leads to {target.url}: its times are the operating system's")
+            if wire.instant and not wire.options.paced:
+                warnings.append(f"{target.url} {_NO_PACE}")
             counts = wire.counts
             if counts.losses:
-                warnings.append(f"{target.url} was lost {counted(counts.losses, 'time')}")
+                away = f"{counted(counts.losses, 'time')} for {counts.away_s:.1f} s"
+                warnings.append(f"{target.url} was lost {away}")
             if counts.dropped:
                 lost = counted(counts.dropped, "byte")
                 warnings.append(f"{target.url} did not take {lost}: no program reads there")

@@ -40,6 +40,8 @@ COLUMNS = {
     "values": TEXT,
 }
 
+#: After so many losses without a turn in between a number of rounds is given up.
+_LOSSES = 3
 #: The outcome of a write whose response was the adapter's echo.
 _ECHO = "echo, no response"
 
@@ -133,7 +135,7 @@ def poll(
     ``verbose`` shows every byte. Returns the exit code: 1 if a turn failed or ended with an exception.
     """
     from bussim.engines.modbus.polls import PollList
-    from bussim.live.modbus import EchoCheck, master_runner
+    from bussim.live.modbus import PortCheck, master_runner
     from bussim.live.stopping import Stopping
 
     tallies = [Tally(planned) for planned in plan.polls]
@@ -143,9 +145,17 @@ def poll(
     with ExitStack() as stack:
         table = None if csv is None else stack.enter_context(closing(_table(csv)))
 
+        losses = 0  # when the latest turn ended
+
+        def given_up() -> bool:
+            return rounds is not None and wire.counts.losses - losses >= _LOSSES
+
         def on_turn(turn: Turn) -> None:
-            if echo.doubts(turn.last):
-                turn = replace(turn, echoed=True)
+            nonlocal losses
+            losses = wire.counts.losses
+            echoed = check.is_echo(turn.last)
+            untimed = turn.instead is None and not echoed and check.no_time(turn.last)
+            turn = replace(turn, echoed=echoed, timed=not untimed)
             tally = tallies[turn.index]
             tally.add(turn)
             if table is not None:
@@ -171,14 +181,14 @@ def poll(
             resync=plan.resync,
             handling=turns,
         )
-        echo = EchoCheck(wire, plan.mode, plan.timeout)
+        check = PortCheck(wire, plan.mode, plan.timeout)
         stop = stack.enter_context(Stopping())
         stack.callback(runner.close)
         runner.start()
         if wire.name != url:
             click.echo(f"polling on {wire.name}", err=True)
         begun = wire.clock.now()
-        runner.run(lambda: turns.done or stop())
+        runner.run(lambda: turns.done or given_up() or stop())
         duration = wire.clock.now() - begun
     summary = {
         "schema": 1,
@@ -188,7 +198,7 @@ def poll(
         "format": str(plan.line.format),
         "duration_s": round(seconds(duration), 6),
         "polls": [tally.to_json() for tally in tallies],
-        "echo": bool(echoes := echo.found or turns.echoes),
+        "echo": bool(echoes := check.found or turns.echoes),
         "rejected_frames": dict(sorted(turns.rejected.items())),
         "port": wire.counts.to_json(),
     }
@@ -196,9 +206,15 @@ def poll(
         print_json(summary)
     else:
         _show(tallies, summary)
+    if given_up():
+        click.echo(f"{url} was lost {_LOSSES} times without a response: given up", err=True)
     if echoes:
         click.echo(f"{url} returns what is sent, as some adapters do: use --echo", err=True)
-    return 1 if echoes or any(tally.ok < tally.turns or tally.mismatched for tally in tallies) else 0
+    return (
+        1
+        if echoes or given_up() or any(tally.ok < tally.turns or tally.mismatched for tally in tallies)
+        else 0
+    )
 
 
 def _thrown_away(frame: ForeignFrame, tallies: list[Tally]) -> str:
@@ -303,4 +319,5 @@ def _show(tallies: list[Tally], summary: dict[str, Any]) -> None:
         click.echo(f"frames that were no responses: {count} × {reason}")
     port = summary["port"]
     if port["losses"] or port["dropped"]:
-        click.echo(f"port: lost {counted(port['losses'], 'time')}, {counted(port['dropped'], 'byte')} unsent")
+        lost = f"{counted(port['losses'], 'time')} for {port['away_s']:.1f} s"
+        click.echo(f"port: lost {lost}, {counted(port['dropped'], 'byte')} unsent")

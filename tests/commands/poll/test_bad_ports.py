@@ -1,9 +1,12 @@
-"""An adapter that returns what is sent, in front of a pymodbus server or of nobody."""
+"""Ports that return what is sent, are lost at once, or have no pace; pymodbus servers behind them."""
 
 from __future__ import annotations
 
+import contextlib
 import json
+import socket
 import sys
+import threading
 
 import pytest
 
@@ -54,3 +57,33 @@ def test_a_server_that_responds_at_once_is_no_echo(mode: Mode, capsys: pytest.Ca
     with PymodbusServer(mode, [107], [True]) as server:
         code, found, _ = polled(capsys, server.device, "100", mode=mode.value)
     assert (code, found["ok"], found["echo"]) == (0, 1, False)
+
+
+def test_a_server_that_accepts_and_closes_ends_a_single_poll(capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def refuse() -> None:
+            with contextlib.suppress(OSError):
+                while True:
+                    server.accept()[0].close()
+
+        threading.Thread(target=refuse, daemon=True).start()
+        url = f"socket://127.0.0.1:{server.getsockname()[1]}"
+        assert main(["poll", url, "-1"]) == 1
+        assert "lost 3 times without a response: given up" in capsys.readouterr().err
+        server.shutdown(socket.SHUT_RDWR)
+
+
+def test_a_port_that_is_faster_than_its_rate_is_known(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At 300 bps a request and its response take 0.55 s: what comes sooner has no response time yet."""
+    monkeypatch.setattr("bussim.live.endpoints._is_instant", lambda _: False)
+    with PymodbusServer(Mode.RTU, [107], [True]) as server:
+        slow = ("-b", "300", "-d", "8", "-P", "none", "-l", "10", "--rounds", "3", "--json")
+        assert main(["poll", server.device, *slow]) == 0
+    out, err = capsys.readouterr()
+    (poll,) = json.loads(out)["polls"]
+    assert err.count("its bytes take no time") == 1
+    assert (poll["ok"], poll["turns"]) == (3, 3)
+    assert 0 < poll["response_ms"]["mean"] < poll["response_ms"]["max"] * 1.01  # and none is 0.000
