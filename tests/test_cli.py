@@ -103,7 +103,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     ("arguments", "message"),
     [
         (["chek"], "no command 'chek'; did you mean check?"),
-        (["check"], "Missing argument 'SCENARIO…'"),
+        (["check"], "name a SCENARIO, - for standard input, or --schema"),
         (["run", "x", "y"], "unexpected extra argument"),
         (["check", "--jsn", "x"], "No such option"),
         (["--nothing"], "No such option"),

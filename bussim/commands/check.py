@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import click
 
-from bussim.commands.common.output import print_json
+from bussim.commands.common.output import checked_target, print_json, to_json, write_text
 from bussim.commands.common.scenario_options import code_option, unsimulated_option, values_of
 from bussim.devices.contract import MasterSettings
-from bussim.errors import Problem
+from bussim.errors import Problem, UsageError
 from bussim.line.protocols import BusProtocol
 from bussim.plc.program.program import Program
 from bussim.scenario.loader import Examined, examine
@@ -19,16 +20,38 @@ from bussim.units import format_time
 
 
 @click.command()
-@click.argument("scenarios", metavar="SCENARIO…", nargs=-1, required=True)
+@click.argument("scenarios", metavar="SCENARIO…", nargs=-1)
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+@click.option("--schema", is_flag=True, help="Print the JSON Schema of scenario files, for editors.")
+@click.option("-o", "--out", metavar="FILE", help="Where to write the JSON Schema, instead of printing it.")
+@click.option("--force", is_flag=True, help="Replace the file if it exists.")
 @unsimulated_option
 @code_option
-def command(scenarios: tuple[str, ...], *, as_json: bool, allow_code: bool, allow_unsimulated: bool) -> None:
+def command(
+    scenarios: tuple[str, ...],
+    *,
+    as_json: bool,
+    schema: bool,
+    out: str | None,
+    force: bool,
+    allow_code: bool,
+    allow_unsimulated: bool,
+) -> None:
     """Name every mistake of scenarios with its line and column.
 
     SCENARIO is a file, the name of a built-in scenario, or - for standard input. The exit code is 2 if
-    there is a mistake in one of them; warnings leave it at 0.
+    there is a mistake in one of them; warnings leave it at 0. With --schema there is no SCENARIO: an editor
+    then names most mistakes while they are written.
     """
+    if schema:
+        if scenarios:
+            raise UsageError(f"--schema and {scenarios[0]} exclude each other: it is of all scenarios")
+        _write_schema(out, force=force)
+        return
+    if out is not None or force:
+        raise UsageError(f"{'--force' if out is None else '--out'} goes with --schema")
+    if not scenarios:
+        raise UsageError("name a SCENARIO, - for standard input, or --schema")
     found = []
     values = values_of((), allow_unsimulated=allow_unsimulated)
     for name in scenarios:
@@ -47,6 +70,18 @@ def command(scenarios: tuple[str, ...], *, as_json: bool, allow_code: bool, allo
             _show(name, examined.scenario)
     if not ok:
         raise click.exceptions.Exit(2)
+
+
+def _write_schema(out: str | None, *, force: bool) -> None:
+    from bussim.scenario.schema.json_schema import json_schema
+
+    text = to_json(json_schema(), indent=None)
+    if out is None:
+        click.echo(text, nl=False)
+        return
+    target = checked_target(Path(out), (), force=force)
+    write_text(target, text)
+    click.echo(target)
 
 
 def _show(name: str, scenario: Scenario) -> None:

@@ -6,21 +6,21 @@ Every validator raises with a predicate that follows the value's name: "is 12, a
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from decimal import Decimal
 from fractions import Fraction
 from typing import Annotated, Any, NamedTuple, cast
 
-from pydantic import GetCoreSchemaHandler
-from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+from pydantic_core import PydanticCustomError
 
 from bussim.engines.free.engine import MAX_BYTES
 from bussim.engines.modbus.pdu import FUNCTIONS
+from bussim.forms.kind import FORMAT_FORM, NAME_PATTERN, TEXT_FORM, TIME_FORM, UNREAD_FORM, Form, Kind
+from bussim.forms.meant import readings, unread
 from bussim.line.characters import BAUDS, CharFormat
 from bussim.plc.memory import Device, DeviceRange, parse_device, parse_range
 from bussim.units import TICKS_PER_SECOND, format_nanoseconds, format_time, parse_nanoseconds, parse_time
-from bussim.wording import RawFloat, RawInt, nearest, plain_form, show
+from bussim.wording import RawFloat, RawInt, nearest, show
 
 #: The error type of our own messages.
 OWN = "bussim"
@@ -30,9 +30,6 @@ LONGEST = 10 * 365 * 86400 * TICKS_PER_SECOND
 _NAME = re.compile(r"(?!-)(?=.*[^\W\d_])[\w-]{1,64}")
 _NODE = re.compile(r"(?!-)(?=.*[^\W\d_])[\w-]{1,64}(\.COM[1-6])?")
 _CALLABLE = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
-_QUANTITY = re.compile(r"[K#]?([+-]?\d{1,12}(?:[.,]\d{0,12})?(?:e[+-]?\d\d?)?) *(k|%|[a-z]*)", re.IGNORECASE)
-_HEXADECIMAL = re.compile(r"(?:H|\$)([0-9A-F]{1,8})|([0-9A-F]{1,8})H", re.IGNORECASE)
-_YES, _NO = "yes on y 1 true ja ein 是 开", "no off n 0 false nein aus 否 关"
 _HEX = re.compile(r"(?:0x)?([0-9a-fA-F]{2})")
 
 
@@ -41,21 +38,6 @@ class _Empty:
 
 
 EMPTY = _Empty()
-
-
-@dataclass(frozen=True, slots=True)
-class Kind:
-    """A kind of value: how the file's is checked and read, and how ours is written back."""
-
-    read: Callable[[object], object]
-    write: Callable[[Any], object] | None = None
-
-    def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """What pydantic asks an annotation for."""
-        serialization = None
-        if self.write is not None:
-            serialization = core_schema.plain_serializer_function_ser_schema(self.write)
-        return core_schema.no_info_plain_validator_function(self.read, serialization=serialization)
 
 
 def fail(predicate: str, at: str | None = None) -> PydanticCustomError:
@@ -67,29 +49,8 @@ def _found(value: object) -> str:
     return "is empty" if value is EMPTY else f"is {show(value)}"
 
 
-def _unread(value: object) -> object:
-    """A value as the file has it: YAML may have read a text as a number."""
-    return value.raw if isinstance(value, RawInt | RawFloat) else value
-
-
 def _is_int(value: object) -> bool:
     return isinstance(value, int) and not isinstance(value, bool)
-
-
-def _readings(value: object) -> Iterator[Any]:
-    """What a value that is wrong may have been meant as, what is nearer to it first."""
-    text = "".join(plain_form(char) or char for char in str(_unread(value))).strip(" \"'")
-    if found := _HEXADECIMAL.fullmatch(text):
-        digits = found[1] or found[2]
-        yield RawInt(int(digits, 16), f"0x{digits.upper()}")
-    elif found := _QUANTITY.fullmatch(text):
-        number = float(found[1].replace(",", ".")) * {"k": 1000, "%": 0.01}.get(found[2], 1)
-        yield from (round(number), number) if number == round(number) else (number,)
-        if re.fullmatch(r"\d+[.,]\d{3}", found[1]):
-            yield int(re.sub(r"\D", "", found[1]))
-    yield from (flag for words, flag in ((_YES, True), (_NO, False)) if text.lower() in words.split())
-    if isinstance(value, str | int) and value not in ("", True, False):
-        yield from (text, text.upper(), re.sub(r"[^\w.-]+", "_", text).strip("_-"))
 
 
 def _those(
@@ -97,6 +58,7 @@ def _those(
     wanted: str | Callable[[Any], str],
     hint: Callable[[Any], str] = lambda _: "",
     *,
+    form: Form,
     made: Callable[[Any], Any] = lambda value: int(value) if _is_int(value) else value,
 ) -> Kind:
     """Values that fit. To another one the message says what is ``wanted``, and a hint: else what is meant.
@@ -107,26 +69,29 @@ def _those(
     def check(value: Any) -> Any:
         if fits(value):
             return made(value)
-        meant = (one if isinstance(one, str) else show(one) for one in _readings(value) if fits(one))
+        meant = (one if isinstance(one, str) else show(one) for one in readings(value) if fits(one))
         shown = hint(value) or next((f"; did you mean {one}?" for one in meant), "")
         raise fail(f"{_found(value)}, {wanted if isinstance(wanted, str) else wanted(value)}{shown}")
 
-    return Kind(check)
+    return Kind(check, form=form)
 
 
-def _matching(pattern: re.Pattern[str], wanted: str, hint: Callable[[Any], str] = lambda _: "") -> Kind:
+def _matching(
+    pattern: re.Pattern[str], form: str, wanted: str, hint: Callable[[Any], str] = lambda _: ""
+) -> Kind:
     return _those(
         lambda value: isinstance(value, str) and len(value) <= 200 and pattern.fullmatch(value) is not None,
         wanted,
         hint,
+        form={"type": "string", "pattern": f"^{form}$"},
     )
 
 
-def _parsed(parse: Callable[[str], object], expected: str) -> Kind:
+def _parsed(parse: Callable[[str], object], expected: str, form: Form) -> Kind:
     """What ``parse`` makes of a text; it raises ValueError with a message for the user."""
 
     def check(value: object) -> object:
-        value = _unread(value)
+        value = unread(value)
         if not isinstance(value, str):
             raise fail(f"{_found(value)}, expected {expected}")
         try:
@@ -134,19 +99,19 @@ def _parsed(parse: Callable[[str], object], expected: str) -> Kind:
         except ValueError as error:
             raise fail(str(error)) from None
 
-    return Kind(check, str)
+    return Kind(check, str, form)
 
 
-def _line(most: int) -> Callable[[object], str]:
+def _line(most: int) -> Kind:
     def check(value: object) -> str:
-        value = _unread(value)
+        value = unread(value)
         if not isinstance(value, str) or not value.strip():
             raise fail(f"{_found(value)}, expected a line of text")
         if len(value) > most or not value.isprintable():
             raise fail(f"{_found(value)}, expected one line of at most {most} printable characters")
         return value
 
-    return check
+    return Kind(check, form={**UNREAD_FORM, "pattern": r"\S", "maxLength": most})
 
 
 def whole(low: int, high: int) -> Kind:
@@ -154,11 +119,12 @@ def whole(low: int, high: int) -> Kind:
     return _those(
         lambda value: _is_int(value) and low <= value <= high,
         lambda value: f"{'allowed' if _is_int(value) else 'expected a whole number'} {low}..{high}",
+        form={"type": "integer", "minimum": low, "maximum": high},
     )
 
 
 #: A whole number whose bounds depend on something else.
-any_whole = _those(_is_int, lambda _: "expected a whole number")
+any_whole = _those(_is_int, "expected a whole number", form={"type": "integer"})
 
 
 def number(low: float, high: float) -> Kind:
@@ -170,6 +136,7 @@ def number(low: float, high: float) -> Kind:
     return _those(
         lambda value: is_number(value) and low <= value <= high,
         lambda value: f"{'allowed' if is_number(value) else 'expected a number'} {low:g}..{high:g}",
+        form={"type": "number", "minimum": low, "maximum": high},
         made=float,
     )
 
@@ -191,7 +158,7 @@ def time(low: int = 0, high: int = LONGEST, likely: str = "ms") -> Kind:
         most = "10 y" if high == LONGEST else format_time(high)
         raise fail(f"is {value.strip()}, allowed {least}..{most}")
 
-    return Kind(check, format_time)
+    return Kind(check, format_time, TIME_FORM)
 
 
 def _time_text(value: object) -> str:
@@ -211,7 +178,8 @@ def none_or(known: Kind) -> Kind:
     def write(value: object) -> object:
         return known.write(value) if known.write and value != "none" else value
 
-    return Kind(lambda value: value if value == "none" else known.read(value), write)
+    form = {"anyOf": [{"const": "none"}, known.form]}
+    return Kind(lambda value: value if value == "none" else known.read(value), write, form)
 
 
 def characters_or_time(low: float, high: float) -> Kind:
@@ -221,7 +189,8 @@ def characters_or_time(low: float, high: float) -> Kind:
     def check(value: object) -> object:
         return (ticks if isinstance(value, str) else characters).read(value)
 
-    return Kind(check, lambda value: value if isinstance(value, float) else format_time(value))
+    form = {"anyOf": [characters.form, ticks.form]}
+    return Kind(check, lambda value: value if isinstance(value, float) else format_time(value), form)
 
 
 def nanoseconds(low: int, high: int) -> Kind:
@@ -237,7 +206,7 @@ def nanoseconds(low: int, high: int) -> Kind:
             raise fail(f"is {text.strip()}, allowed {format_nanoseconds(low)}..{format_nanoseconds(high)}")
         return found
 
-    return Kind(check, format_nanoseconds)
+    return Kind(check, format_nanoseconds, TIME_FORM)
 
 
 def choice(*options: str) -> Kind:
@@ -248,13 +217,15 @@ def choice(*options: str) -> Kind:
         return f"; did you mean {near}?" if near else ""
 
     allowed = f"allowed {', '.join(options)}"
-    return _those(lambda value: isinstance(value, str) and value in options, allowed, hint)
+    form = {"enum": list(map(str, options))}
+    return _those(lambda value: isinstance(value, str) and value in options, allowed, hint, form=form)
 
 
 def one_of(options: Sequence[int]) -> Kind:
     """One of some whole numbers."""
     allowed = f"allowed {', '.join(map(str, options))}"
-    return _those(lambda value: _is_int(value) and value in options, allowed)
+    form = {"enum": list(options)}
+    return _those(lambda value: _is_int(value) and value in options, allowed, form=form)
 
 
 _LINK_PORTS = choice("COM3", "COM4")
@@ -294,7 +265,7 @@ def characters(most: int) -> Kind:
     """A text as the bytes that go over the line, 1 to ``most``; Latin-1, escapes by YAML's quotes."""
 
     def check(value: object) -> bytes:
-        value = _unread(value)
+        value = unread(value)
         if not isinstance(value, str) or not value:
             raise fail(f'{_found(value)}, expected a text such as "abc\\r"')
         try:
@@ -304,21 +275,24 @@ def characters(most: int) -> Kind:
             raise fail(f"has the character {strange!r}, which is no byte; write it in hexadecimal") from None
         return _sized(data, most)
 
-    return Kind(check, lambda data: data.decode("latin-1"))
+    form = {**UNREAD_FORM, "minLength": 1, "maxLength": most}
+    return Kind(check, lambda data: data.decode("latin-1"), form)
 
 
 def hexadecimal(most: int) -> Kind:
     """Bytes as pairs of hexadecimal digits with spaces between, 1 to ``most``."""
 
     def check(value: object) -> bytes:
-        value = _unread(value)
+        value = unread(value)
         pairs = value.split() if isinstance(value, str) else []
         found = [_HEX.fullmatch(pair) for pair in pairs]
         if not pairs or None in found:
             raise fail(f'{_found(value)}, expected bytes in hexadecimal such as "02 41 0D"')
         return _sized(bytes(int(match.group(1), 16) for match in found if match is not None), most)
 
-    return Kind(check, lambda data: data.hex(" ").upper())
+    pair = "(0x)?[0-9a-fA-F]{2}"
+    form = {**UNREAD_FORM, "pattern": rf"^\s*{pair}(\s+{pair})*\s*$"}
+    return Kind(check, lambda data: data.hex(" ").upper(), form)
 
 
 def _sized(data: bytes, most: int) -> bytes:
@@ -330,6 +304,7 @@ def _sized(data: bytes, most: int) -> bytes:
 _CHARACTER_CODE = _those(
     lambda value: _is_int(value) and 0 <= value <= 0xFF,
     'expected a character code 0..255 or one character such as "\\r"',
+    form={"type": ["integer", "string"], "minimum": 0, "maximum": 0xFF, "minLength": 1, "maxLength": 1},
 )
 
 
@@ -349,6 +324,7 @@ Name = Annotated[
     str,
     _matching(
         _NAME,
+        NAME_PATTERN,
         "not a name; allowed are letters, digits, _ and -, with at least one letter",
         lambda value: (
             ", and no - at the beginning"
@@ -361,30 +337,44 @@ Name = Annotated[
 ]
 #: The name of a node of a bus: a PLC, one of its ports (press1.COM3), a device.
 NodeName = Annotated[
-    str, _matching(_NODE, "expected the name of a PLC, a port such as press1.COM3, or a device")
+    str,
+    _matching(
+        _NODE,
+        rf"{NAME_PATTERN}(\.COM[1-6])?",
+        "expected the name of a PLC, a port such as press1.COM3, or a device",
+    ),
 ]
 #: A line of free text, 1 to 200 characters.
-Title = Annotated[str, Kind(_line(200))]
-Sentence = Annotated[str, Kind(_line(2000))]
+Title = Annotated[str, _line(200)]
+Sentence = Annotated[str, _line(2000)]
 Time = Annotated[int, time()]
 Positive = Annotated[int, time(low=1)]
 #: When something of a run is, and how long it lasts.
 Moment = Annotated[int, time(likely="s")]
 Duration = Annotated[int, time(low=1, likely="s")]
 Probability = Annotated[float, number(0, 1)]
-Flag = Annotated[bool, _those(lambda value: isinstance(value, bool), "allowed true, false")]
+Flag = Annotated[
+    bool, _those(lambda value: isinstance(value, bool), "allowed true, false", form={"type": "boolean"})
+]
 Times = Annotated[int, whole(1, 1_000_000_000)]
 Baud = Annotated[int, one_of(BAUDS)]
 #: A character format such as 7E1, which YAML may have read as a number.
-Format = Annotated[CharFormat, _parsed(CharFormat.parse, "a character format such as 8N1")]
+Format = Annotated[CharFormat, _parsed(CharFormat.parse, "a character format such as 8N1", FORMAT_FORM)]
 #: A device of a PLC's memory, such as D400; one of a PLC that can be observed, such as press1.D8201.
-DeviceName = Annotated[Device, _parsed(parse_device, "a device such as D400")]
-Range = Annotated[DeviceRange, _parsed(parse_range, "a range of devices such as M500-M3071")]
-PlcDevice = Annotated[PlcPoint, Kind(_plc_device, str)]
+DeviceName = Annotated[Device, _parsed(parse_device, "a device such as D400", TEXT_FORM)]
+Range = Annotated[DeviceRange, _parsed(parse_range, "a range of devices such as M500-M3071", TEXT_FORM)]
+PlcDevice = Annotated[PlcPoint, Kind(_plc_device, str, {"type": "string", "pattern": r"^[^.]+\.."})]
 #: The port of an N:N link.
-LinkPort = Annotated[str, Kind(_link_port)]
+LinkPort = Annotated[str, Kind(_link_port, form=_LINK_PORTS.form)]
 #: The name of a file, with folders or without.
-FileName = Annotated[str, _those(_is_file_name, "expected the name of a file")]
+FileName = Annotated[
+    str,
+    _those(
+        _is_file_name,
+        "expected the name of a file",
+        form={"type": "string", "pattern": r"\S", "maxLength": 1000},
+    ),
+]
 #: A Modbus function that is known here.
 FunctionCode = Annotated[
     int,
@@ -392,11 +382,14 @@ FunctionCode = Annotated[
         lambda value: _is_int(value) and value in FUNCTIONS,
         "allowed 1, 2, 3, 4, 5, 6, 15 (0x0F), 16 (0x10)",
         lambda value: "; did you mean 0x10?" if value == 10 else "",
+        form={"enum": sorted(FUNCTIONS)},
     ),
 ]
 #: A Python function as ``module:function``.
-CallableName = Annotated[str, _matching(_CALLABLE, "expected module:function, such as sensors:level")]
+CallableName = Annotated[
+    str, _matching(_CALLABLE, r"[^\s:]+:[^\s:]+", "expected module:function, such as sensors:level")
+]
 #: One character: its code 0 to 255, or itself in quotes.
-Character = Annotated[int, Kind(_character)]
+Character = Annotated[int, Kind(_character, form=_CHARACTER_CODE.form)]
 Text = Annotated[bytes, characters(MAX_BYTES)]
 Hex = Annotated[bytes, hexadecimal(MAX_BYTES)]

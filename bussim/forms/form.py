@@ -8,9 +8,11 @@ from enum import StrEnum
 from fractions import Fraction
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationInfo, model_validator
+from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler, ValidationInfo, model_validator
+from pydantic_core import CoreSchema
 
 from bussim.forms.fields import Time, exact, fail, time
+from bussim.forms.kind import Form
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
 if TYPE_CHECKING:
@@ -28,6 +30,8 @@ class Model(BaseModel):
     example: ClassVar[str] = ""
     #: The key that a plain value in place of the mapping stands for.
     shorthand: ClassVar[str | None] = None
+    #: The JSON Schema of a plain value in place of the mapping, where that is not the key's.
+    plain_form: ClassVar[Form | None] = None
     #: What stands for keys that it must have where they are missing or wrong, while the rest is checked.
     stand_ins: ClassVar[dict[str, object]] = {}
 
@@ -37,6 +41,20 @@ class Model(BaseModel):
         if cls.shorthand is not None and isinstance(value, str | int | float) and not isinstance(value, bool):
             return {cls.shorthand: value}
         return value
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Its JSON Schema: described by its example, with the plain value that may stand for it."""
+        named = handler(core)
+        form = handler.resolve_ref_schema(named)
+        mapping = {key: form[key] for key in form if key not in ("title", "description")}
+        plain = cls.plain_form
+        if cls.shorthand is not None and {*mapping.get("required", ())} <= {cls.shorthand}:
+            plain = mapping["properties"][cls.shorthand]
+        form.clear()
+        form.update(mapping if plain is None else {"anyOf": [plain, mapping]})
+        form["description"] = cls.example.strip()
+        return named
 
     def given(self, *without: str) -> dict[str, Any]:
         """The values that are there, by the names of their fields, without some of these."""
@@ -64,6 +82,14 @@ class OneKind(Model):
     """A mapping that has exactly one of its ``kinds``, beside other keys or without."""
 
     kinds: ClassVar[tuple[str, ...]]
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Its JSON Schema, which takes one kind alone."""
+        named = super().__get_pydantic_json_schema__(core, handler)
+        form = handler.resolve_ref_schema(named)
+        form.get("anyOf", [form])[-1]["oneOf"] = [{"required": [kind]} for kind in cls.kinds]
+        return named
 
     @model_validator(mode="after")
     def _one_kind(self, info: ValidationInfo) -> Self:

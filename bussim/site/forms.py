@@ -8,8 +8,9 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, Field
 
 from bussim.exact.link import TIMEOUT_UNIT
-from bussim.forms.fields import Duration, Kind, Positive, Title, choice, fail, number, one_of, time, whole
+from bussim.forms.fields import Duration, Positive, Title, choice, fail, number, one_of, time, whole
 from bussim.forms.form import Model
+from bussim.forms.kind import Kind
 from bussim.plc.profiles import MAX_RETRIES, MAX_SLAVES
 from bussim.scenario.schema.profiles import ProfileIn
 from bussim.units import format_time

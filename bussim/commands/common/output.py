@@ -20,8 +20,13 @@ if TYPE_CHECKING:
 
 
 def print_json(data: Any, *, indent: int = 2) -> None:
-    """Print plain data as JSON; texts as they are, not escaped. Raises ValueError for what is no number."""
-    click.echo(json.dumps(data, ensure_ascii=False, allow_nan=False, indent=indent))
+    """Print plain data as JSON; raises as :func:`to_json`."""
+    click.echo(to_json(data, indent=indent), nl=False)
+
+
+def to_json(data: Any, *, indent: int | None = 2) -> str:
+    """Plain data as lines of JSON, texts not escaped. Raises ValueError for what is no number."""
+    return json.dumps(data, ensure_ascii=False, allow_nan=False, indent=indent) + "\n"
 
 
 def show_carried(scenario: Scenario, *, err: bool = False) -> None:

@@ -10,8 +10,9 @@ from pydantic import Field
 from bussim.engines.nn.frames import KIND_NAMES
 from bussim.errors import Problem, ScenarioError, UsageError
 from bussim.files import plain
-from bussim.forms.fields import Kind, choice, fail, one_of, whole
+from bussim.forms.fields import choice, fail, one_of, whole
 from bussim.forms.form import Model
+from bussim.forms.kind import Kind
 from bussim.live.layout.sums import ADDED, FORMS, KINDS, Number, Sum
 from bussim.live.layout.value import PARTS, UNIQUE, Layout
 from bussim.scenario.schema.draft import read_form

@@ -59,10 +59,10 @@ _TOP = {"schema": 1, "name": "scenario", "duration": "1 s"}
 #: From so many keys on a form is large.
 _MANY = 13
 #: Sections that may stand empty, as when all of their entries are commented out.
-_EMPTY_LISTS = frozenset({"buses", "devices", "polls", "noise", "faults", "observe", "latency"})
+EMPTY_LISTS = frozenset({"buses", "devices", "polls", "noise", "faults", "observe", "latency"})
 #: Keys of entries that name a bus, by section.
 _NEED_BUSES = {"plcs": ("nn", "ports"), "devices": ("bus",), "noise": ("bus",), "faults": ("cable_cut",)}
-_EMPTY_MAPPINGS = frozenset({"registers", "ports", "sources", "inputs"})
+EMPTY_MAPPINGS = frozenset({"registers", "ports", "sources", "inputs"})
 
 
 @dataclass(slots=True)
@@ -230,9 +230,9 @@ def _prepared(value: object, key: str | None = None) -> Any:
     if isinstance(value, list):
         return [_prepared(item) for item in value]
     if value is None:
-        if key in _EMPTY_LISTS:
+        if key in EMPTY_LISTS:
             return []
-        if key in _EMPTY_MAPPINGS:
+        if key in EMPTY_MAPPINGS:
             return {}
         return EMPTY
     return value

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field, model_validator
 
@@ -26,6 +26,8 @@ from bussim.wording import show
 #: How many devices a scenario may observe, and how many latencies it may measure.
 MAX_OBSERVED, MAX_LATENCIES = 1000, 100
 PROGRAM_ENDINGS = (".il", ".csv", ".txt", ".lst")
+#: The same in small and in capital letters.
+_ENDING = "|".join("".join(f"[{c}{c.upper()}]" for c in ending[1:]) for ending in PROGRAM_ENDINGS)
 #: The shortest time that a stimulus may stay on or off, 10 µs: whatever is shorter costs time, and no
 #: input of a PLC would let it through.
 SHORTEST_LEVEL = 720
@@ -40,6 +42,7 @@ class ProgramIn(OneKind):
     )
 
     kinds = ("file", "text")
+    plain_form: ClassVar = {"type": "string", "pattern": rf"\n|\.({_ENDING})$"}
 
     file: FileName | None = None
     text: Annotated[str, Field()] | None = None
