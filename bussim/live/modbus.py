@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from bussim.engines.modbus.adu import LAST_RESERVED, Mode
@@ -73,10 +73,14 @@ def slave_runner(
     *,
     delay: int = 0,
     handling: Handling | None = None,
+    slave: Callable[[SlaveConfig, Mapping[int, RegisterMap]], Slave] = Slave,
 ) -> EngineRunner:
-    """Devices by station number as slaves on a wire. ``delay``: ticks from a request's end to its reply."""
+    """Devices by station number as slaves on a wire. ``delay``: ticks from a request's end to its reply.
+
+    ``slave`` makes the engine.
+    """
     framing, quiet = live_framing(mode, wire)
-    engine = Slave(SlaveConfig(framing, delay=delay), maps)
+    engine = slave(SlaveConfig(framing, delay=delay), maps)
     return EngineRunner(engine, wire, quiet=quiet, mode=mode, handling=handling)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
+from functools import partial
 from typing import Self
 
 from bussim.devices.v80.map import V80
@@ -11,7 +12,7 @@ from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.events import RequestServed
 from bussim.engines.modbus.server import RegisterMap
 from bussim.line.characters import CharFormat
-from bussim.live.faults import FaultyReplies
+from bussim.live.faults import FaultyReplies, FaultySlave
 from bussim.live.modbus import line_of, slave_runner
 from bussim.live.options import DEFAULT_OPTIONS, PortOptions
 from bussim.live.wire import Wire
@@ -44,7 +45,14 @@ class ServedSlave:
         self.wire = Wire(url, line_of(mode, baud, fmt), options, report=self.reports.append)
         #: What befalls the next replies.
         self.faults = FaultyReplies(mode)
-        self._runner = slave_runner(self.wire, mode, self.maps, delay=delay, handling=self.faults)
+        self._runner = slave_runner(
+            self.wire,
+            mode,
+            self.maps,
+            delay=delay,
+            handling=self.faults,
+            slave=partial(FaultySlave, faults=self.faults),
+        )
         self._stop = threading.Event()
         self._error: BaseException | None = None
         self._runner.start()
@@ -64,7 +72,7 @@ class ServedSlave:
 
     @property
     def requests(self) -> list[RequestServed]:
-        """The requests that were carried out or refused, in order: the first of them."""
+        """What was asked, in order: the first requests. ``number`` 0: of a station that is not there."""
         return list(self.faults.requests)
 
     @property

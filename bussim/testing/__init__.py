@@ -14,12 +14,14 @@ pseudo-terminal; ``modbus_serve`` makes slaves as a test wants them::
     def test_two_stations(modbus_serve):
         bus = modbus_serve(stations=(3, 4), mode="ascii", delay=0.01)
         bus.station(4).coils[7] = 1
-        bus.exception(2, count=3)
+        bus.exception(2, count=3, station=4)
         ...
 
-Faults befall replies one after the other, in the order in which they were asked for. Addresses count
-from 0, as in frames. A pseudo-terminal has no parity: open ``device`` with 8N1. It needs a system
-with pseudo-terminals (Linux, macOS); elsewhere the fixtures skip.
+Faults befall replies one after the other, in the order in which they were asked for; with ``station`` those
+of one station. Addresses count from 0, as in frames; times are seconds, or texts with a unit ("10 ms").
+``asked`` has every request, those to absent stations too. A pseudo-terminal has no parity: open ``device`` with 8N1. It
+needs a system with pseudo-terminals (Linux, macOS); elsewhere the fixtures skip, and
+``modbus_serve(url="listen://127.0.0.1:0")`` gives a ``socket://`` to open.
 
 Without pytest: ``with ServedBus() as bus: …``.
 """
@@ -29,9 +31,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from bussim.testing.served import Items, ServedBus, Station
+    from bussim.testing.served import Asked, Items, ServedBus, Station
 
-__all__ = ["Items", "ServedBus", "Station"]
+__all__ = ["Asked", "Items", "ServedBus", "Station"]
 
 
 def __getattr__(name: str) -> object:

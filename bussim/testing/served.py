@@ -2,57 +2,90 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 
-from bussim.devices.v80.map import V80
+from bussim.devices.v80.map import V80, V80_ITEMS
 from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION, Mode
+from bussim.engines.modbus.events import RequestServed
 from bussim.engines.modbus.server import Space
 from bussim.line.characters import CharFormat
 from bussim.live.faults import Injected, ReplyFault
 from bussim.live.options import PortOptions
 from bussim.live.served import ServedSlave
-from bussim.units import TICKS_PER_SECOND
+from bussim.units import TICKS_PER_SECOND, parse_time, seconds
+
+#: Items that a repr shows.
+_SHOWN = 20
 
 
 class Items:
-    """The coils or registers of a station, by address from 0: ``items[5] = 17``, ``items[5:8]``.
+    """The coils or registers of a station, by address from 0: ``items[5] = 17``, ``items[5:8] = [1, 2, 3]``.
 
-    Raises IndexError for an address that the station lacks.
+    A list of fixed length: coils are 0 or 1, registers 0…65535, and slices have as many values as addresses.
+    Raises IndexError for an address that the station lacks, ValueError for other values.
     """
 
     def __init__(self, device: V80, space: Space) -> None:
         self._device, self._space = device, space
 
+    def __len__(self) -> int:
+        return V80_ITEMS
+
+    def __iter__(self) -> Iterator[int]:
+        return (self._device.get(self._space, at) for at in range(len(self)))
+
     def __getitem__(self, address: int | slice) -> int | list[int]:
         if isinstance(address, slice):
-            return [self._get(each) for each in self._range(address)]
-        return self._get(address)
+            return [self._device.get(self._space, each) for each in range(*address.indices(len(self)))]
+        return self._device.get(self._space, self._checked(address))
 
     def __setitem__(self, address: int | slice, value: int | Iterable[int]) -> None:
         if isinstance(address, slice):
             if isinstance(value, int):
                 raise TypeError("a slice takes as many values as it has addresses")
-            for number, each in enumerate(value, address.start or 0):
-                self[number] = each
+            where, values = range(*address.indices(len(self))), list(value)
+            if len(where) != len(values):
+                raise ValueError(f"{len(values)} values for {len(where)} addresses")
         elif isinstance(value, int):
-            self._device.set(self._space, self._checked(address), value)
+            where, values = range(self._checked(address), address + 1), [value]
         else:
             raise TypeError("one address takes one value")
+        most = 1 if self._space.is_bit else 0xFFFF
+        for each in values:
+            if not 0 <= each <= most:
+                raise ValueError(f"value {each}, allowed 0…{most}")
+        for at, each in zip(where, values, strict=True):
+            self._device.set(self._space, at, each)
 
-    def _get(self, address: int) -> int:
-        return self._device.get(self._space, self._checked(address))
+    def __repr__(self) -> str:
+        held = [f"{at}: {value}" for at, value in enumerate(self) if value]
+        more = f", … {len(held) - _SHOWN} more" if len(held) > _SHOWN else ""
+        return f"<{len(self)} items, all 0 but {{{', '.join(held[:_SHOWN])}{more}}}>"
 
-    @staticmethod
-    def _checked(address: int) -> int:
-        if address < 0:
-            raise IndexError(f"address {address}, they count from 0")
+    def _checked(self, address: int) -> int:
+        if not 0 <= address < len(self):
+            raise IndexError(f"address {address}, allowed 0…{len(self) - 1}")
         return address
 
-    @staticmethod
-    def _range(address: slice) -> range:
-        if address.stop is None:
-            raise IndexError("a slice of addresses needs an end")
-        return range(address.start or 0, address.stop, address.step or 1)
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A request as the bus received it. ``address``, ``count``, ``values`` are None where it was malformed.
+
+    ``exception`` is 0 where it was carried out, ``absent``: no such station is on the bus. ``time_s`` are
+    seconds from the bus's start to the request's last stop bit.
+    """
+
+    station: int
+    function: int
+    address: int | None
+    count: int | None
+    values: tuple[int, ...] | None
+    exception: int
+    absent: bool
+    broadcast: bool
+    time_s: float
 
 
 class Station:
@@ -64,12 +97,15 @@ class Station:
         self.input_registers = Items(device, Space.INPUT_REGISTERS)
         self.registers = Items(device, Space.HOLDING)
 
+    def __repr__(self) -> str:
+        return ", ".join(f"{name}={items!r}" for name, items in vars(self).items() if any(items))
+
 
 class ServedBus(ServedSlave):
     """Modbus slaves on a new pseudo-terminal (or another URL) until :meth:`close`.
 
     ``stations`` are their numbers, ``mode`` is "rtu" or "ascii", ``baud`` matters for the silence
-    that ends an RTU request, ``delay`` (seconds) is from a request to its reply. ``paced`` spaces
+    that ends an RTU request, ``delay`` (seconds, or "10 ms") is from a request to its reply. ``paced`` spaces
     bytes at the baud rate, as a wire does. Raises ValueError or UsageError for what cannot be.
     """
 
@@ -80,7 +116,7 @@ class ServedBus(ServedSlave):
         stations: Iterable[int] = (1,),
         mode: str = "rtu",
         baud: int = 115200,
-        delay: float = 0.0,
+        delay: float | str = 0.0,
         paced: bool = False,
     ) -> None:
         devices = {number: V80() for number in stations}
@@ -108,33 +144,63 @@ class ServedBus(ServedSlave):
         """A slave by its station number. Raises KeyError if it is not on the bus."""
         return self._stations[number]
 
+    @property
+    def asked(self) -> list[Asked]:
+        """The requests on the bus in order, those to absent stations too: the first 10,000."""
+        return [
+            Asked(
+                each.station,
+                each.function,
+                each.request and each.request.address,
+                each.request and each.request.quantity,
+                each.request and each.request.values,
+                each.exception,
+                absent=not each.number,
+                broadcast=each.broadcast,
+                time_s=round(seconds(each.end), 6),
+            )
+            for each in super().requests
+        ]
+
+    @property
+    def requests(self) -> list[RequestServed]:
+        """The requests that were carried out or refused, in order: the first of them. Times are ticks."""
+        return [each for each in super().requests if each.number]
+
+    def __repr__(self) -> str:
+        stations = "; ".join(f"{number}: {station!r}" for number, station in self._stations.items())
+        return (
+            f"<bus on {self.device}, stations {{{stations}}}, "
+            f"{len(self.asked)} requests, {self.pending_faults} faults to come>"
+        )
+
     # -- faults --------------------------------------------------------------------------------
 
-    def drop_reply(self, count: int = 1) -> None:
+    def drop_reply(self, count: int = 1, *, station: int | None = None) -> None:
         """The next ``count`` replies are never sent; their requests are carried out."""
-        self._inject(Injected(ReplyFault.DROP), count)
+        self._inject(Injected(ReplyFault.DROP, station=station), count)
 
-    def corrupt_check(self, count: int = 1) -> None:
+    def corrupt_check(self, count: int = 1, *, station: int | None = None) -> None:
         """The CRC or LRC of the next replies is wrong."""
-        self._inject(Injected(ReplyFault.CORRUPT), count)
+        self._inject(Injected(ReplyFault.CORRUPT, station=station), count)
 
-    def truncate(self, count: int = 1) -> None:
+    def truncate(self, count: int = 1, *, station: int | None = None) -> None:
         """The second half of the next replies is missing."""
-        self._inject(Injected(ReplyFault.TRUNCATE), count)
+        self._inject(Injected(ReplyFault.TRUNCATE, station=station), count)
 
-    def delay(self, seconds: float, count: int = 1) -> None:
-        """The next replies come so much later."""
-        self._inject(Injected(ReplyFault.DELAY, by=_ticks(seconds)), count)
+    def delay(self, by: float | str, count: int = 1, *, station: int | None = None) -> None:
+        """The next replies come so much later: seconds, or "10 ms"."""
+        self._inject(Injected(ReplyFault.DELAY, by=_ticks(by), station=station), count)
 
-    def wrong_station(self, count: int = 1) -> None:
+    def wrong_station(self, count: int = 1, *, station: int | None = None) -> None:
         """The next replies carry the number of the next station."""
-        self._inject(Injected(ReplyFault.WRONG_STATION), count)
+        self._inject(Injected(ReplyFault.WRONG_STATION, station=station), count)
 
-    def exception(self, code: int, count: int = 1) -> None:
-        """The next replies are exceptions with this code (1–255)."""
+    def exception(self, code: int, count: int = 1, *, station: int | None = None) -> None:
+        """The next requests are refused with this code (1–255), and not carried out."""
         if not 1 <= code <= 255:
             raise ValueError(f"exception code {code}, allowed 1…255")
-        self._inject(Injected(ReplyFault.EXCEPTION, code=code), count)
+        self._inject(Injected(ReplyFault.EXCEPTION, code=code, station=station), count)
 
     def no_faults(self) -> None:
         """Forget the faults that have not happened yet."""
@@ -146,12 +212,15 @@ class ServedBus(ServedSlave):
         return self.faults.waiting
 
     def _inject(self, fault: Injected, count: int) -> None:
+        if fault.station is not None and fault.station not in self._stations:
+            raise ValueError(f"station {fault.station} is not on the bus, which has {list(self._stations)}")
         if count < 1:
             raise ValueError(f"count {count}, at least 1")
         self.faults.inject(fault, count)
 
 
-def _ticks(seconds: float) -> int:
-    if not 0 <= seconds <= 3600:
-        raise ValueError(f"{seconds} seconds, allowed 0…3600")
-    return round(seconds * TICKS_PER_SECOND)
+def _ticks(time: float | str) -> int:
+    ticks = parse_time(time) if isinstance(time, str) else round(time * TICKS_PER_SECOND)
+    if not 0 <= ticks <= 3600 * TICKS_PER_SECOND:
+        raise ValueError(f"{time} seconds, allowed 0…3600")
+    return ticks

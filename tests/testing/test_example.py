@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+import serial
 
+from bussim.line.checksums import crc16_bytes
 from bussim.testing import ServedBus
 from tests.testing.client import NoResponseError, SmallClient
 
@@ -120,6 +124,60 @@ def test_pytest_finds_the_fixtures(tmp_path: Path) -> None:
     ]
     ran = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, env=_here())
     assert "1 passed" in ran.stdout, ran.stdout + ran.stderr
+
+
+def test_the_little_project_of_the_guide_passes_in_a_folder_of_its_own(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "bussim" / "guide" / "python.md").read_text(encoding="utf-8")
+    files = re.findall(r"```python\n# (\w+\.py)\n(.*?)```", page, re.DOTALL)
+    assert [name for name, _ in files] == ["oven.py", "test_oven.py"]
+    for name, text in files:
+        (tmp_path / name).write_text(text)
+    plugin = ("-p", "no:bussim", "-p", "bussim.testing.plugin", "-p", "no:cacheprovider")
+    command = [sys.executable, "-m", "pytest", "-q", *plugin]
+    ran = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, env=_here())
+    assert "3 passed" in ran.stdout, ran.stdout + ran.stderr
+
+
+def test_items_are_lists_of_fixed_length() -> None:
+    with ServedBus(stations=(1, 2)) as bus:
+        registers, mirror = bus.registers, [0] * len(bus.registers)
+        for where, values in (
+            (slice(2, 8, 2), [1, 2, 3]),
+            (slice(-3, None), [7, 8, 65535]),
+            (slice(0, 0), []),
+        ):
+            registers[where] = values
+            mirror[where] = values
+            assert registers[where] == mirror[where] == values
+        assert list(registers) == mirror
+        for where, values in ((slice(0, 3), [1, 2]), (0, -1), (0, 65536), (slice(0, 1), [70000])):
+            with pytest.raises(ValueError, match=r"addresses|allowed 0…65535"):
+                registers[where] = values  # type: ignore[assignment]
+        with pytest.raises(ValueError, match="allowed 0…1"):
+            bus.coils[0] = 2
+        assert list(registers) == mirror  # a refused write has written nothing
+        assert "2: 1, 4: 2, 6: 3, 9996: 7, 9997: 8, 9998: 65535" in repr(bus)
+
+
+def test_faults_are_one_stations_and_a_refused_write_is_not_carried_out() -> None:
+    with ServedBus(stations=(1, 2)) as bus, serial.Serial(bus.device, 115200, timeout=0.3) as port:
+        bus.exception(4, station=2)
+        bus.drop_reply(station=1)
+
+        def write(station: int, value: int) -> bytes:
+            body = bytes((station, 6, 0, 5)) + value.to_bytes(2, "big")
+            port.write(body + crc16_bytes(body))
+            response = port.read(8)
+            time.sleep(0.01)
+            return response
+
+        assert write(2, 77)[1:3] == b"\x86\x04"
+        assert write(1, 77) == b""
+        assert write(1, 78)[:2] == b"\x01\x06"
+        assert write(9, 1) == b""
+        assert (bus.registers[5], bus.station(2).registers[5]) == (78, 0)
+        asked = [(each.station, each.values, each.exception, each.absent) for each in bus.asked]
+    assert asked == [(2, (77,), 4, False), (1, (77,), 0, False), (1, (78,), 0, False), (9, (1,), 0, True)]
 
 
 def _here() -> dict[str, str]:
