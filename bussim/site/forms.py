@@ -48,12 +48,18 @@ _Kind = Annotated[str, choice("readout", "calibration")]
 _Experiment = Annotated[str, choice("all", "one", "one_slow", "off_3_100", "off_10_50", "listeners")]
 
 
-class Settings(Model):
+class CommonSettings(Model):
+    """What all experiments have in common."""
+
+    example = "{slaves: 3, mode: 2}"
+    slaves: _Slaves
+    mode: Annotated[int, whole(0, 4)]
+
+
+class Settings(CommonSettings):
     """The master's D8177 to D8180."""
 
     example = "{slaves: 3, mode: 2, retries: 3, timeout: 50 ms}"
-    slaves: _Slaves
-    mode: Annotated[int, whole(0, 4)]
     retries: _Retries
     timeout: _Timeout
 
@@ -103,14 +109,6 @@ class ReadoutIn(Model):
     stations: Annotated[list[StationIn], Field(min_length=1, max_length=MAX_SLAVES + 1)]
     ladder: Ladder | None = None
     symptoms: Annotated[list[_Symptom], Field(max_length=4)] = Field(default_factory=list)
-
-
-class CommonSettings(Model):
-    """What all experiments have in common."""
-
-    example = "{slaves: 3, mode: 2}"
-    slaves: _Slaves
-    mode: Annotated[int, whole(0, 4)]
 
 
 class Cut(Model):

@@ -21,7 +21,7 @@ from bussim.scenario.loader import from_data
 from bussim.scenario.model import Scenario
 from bussim.site.forms import Settings
 from bussim.site.readout import Readout, SiteProfile
-from bussim.units import format_time
+from bussim.units import TICKS_PER_MS, format_time
 
 BUS = "link"
 
@@ -72,32 +72,6 @@ def plc_name(place: str, index: int) -> str:
     return name if re.search(r"[^\W\d_]", name) else f"station_{index}"
 
 
-def scenario_of(
-    profile: SiteProfile,
-    settings: Settings,
-    names: Sequence[str],
-    noise: Sequence[object] = (),
-    **changed: object,
-) -> Scenario:
-    """A scenario of the link; ``names`` are those of its stations by number, ``changed`` of its profile."""
-    form = {**profile.form, **changed}
-    plcs: list[dict[str, Any]] = []
-    for number, name in enumerate(names):
-        link: dict[str, object] = {"bus": BUS, "port": "COM4", "station": number}
-        if not number:
-            link |= {"slaves": settings.slaves, "mode": settings.mode, "retries": settings.retries}
-            link["timeout"] = format_time(settings.timeout)
-        plcs.append({"name": name, "profile": form, "nn": link})
-    data = {
-        "schema": 1,
-        "name": "readout",
-        "duration": "60 s",
-        "buses": [{"name": BUS, "nn": True}],
-        "plcs": plcs,
-    }
-    return from_data({**data, "noise": list(noise)}, name="readout")
-
-
 @dataclass(frozen=True)
 class SiteLink:
     """One link on site. Times in ticks.
@@ -123,8 +97,18 @@ class SiteLink:
 
     def scenario(self, noise: SteadyNoise) -> Scenario:
         """The link as a scenario, disturbed by some noise."""
-        changed = {} if self.attempts is None else {"attempts": self.attempts.value}
-        return scenario_of(self.profile, self.settings, self.names, noise.entries(self.names), **changed)
+        given, meaning = self.settings, self.attempts
+        form = self.profile.form if meaning is None else {**self.profile.form, "attempts": meaning.value}
+        plcs: list[dict[str, Any]] = []
+        for number, name in enumerate(self.names):
+            link = {"bus": BUS, "port": "COM4", "station": number}
+            if not number:
+                link |= {"slaves": given.slaves, "mode": given.mode, "retries": given.retries}
+                link["timeout"] = format_time(given.timeout)
+            plcs.append({"name": name, "profile": form, "nn": link})
+        data = {"schema": 1, "name": "readout", "duration": "60 s", "plcs": plcs}
+        data |= {"buses": [{"name": BUS, "nn": True}], "noise": noise.entries(self.names)}
+        return from_data(data, name="readout")
 
     @cached_property
     def model(self) -> LinkModel:
@@ -178,7 +162,7 @@ class SiteLink:
     def thresholds(self) -> tuple[float, float, float]:
         """The ladder's three thresholds: any failed attempt, one that was silent, more than one."""
         ms = self.model.unit
-        first = 2.6 / 1000 * 72_000_000
+        first = 2.6 * TICKS_PER_MS
         return (
             (self.healthy + first) / ms,
             (self.healthy + (self.torn + self.silent) / 2) / ms,
@@ -208,16 +192,15 @@ class SiteLink:
 
     def mean_scan(self, noise: SteadyNoise) -> float:
         """The mean of a scan under some noise: the healthy one and what failed attempts cost."""
-        return self.healthy + sum(self.failures(each)[0] for each in self.attempt(noise))
+        return self.healthy + sum(map(self._failures, self.attempt(noise)))
 
-    def failures(self, each: AttemptProbabilities) -> tuple[float, float]:
-        """What failed attempts at a slave add to a scan on average, and how many there are."""
+    def _failures(self, each: AttemptProbabilities) -> float:
+        """What failed attempts at a slave add to a scan on average."""
         p, n = each.failed, self.n
         failed = p * (1 - p**n) / (1 - p) if p < 1 else n
         share = each.silent / p if p else 0.0
-        cost = share * self.silent + (1 - share) * self.torn
         ended = self.model.parameters_cost - self.slot if n > 1 else 0.0
-        return failed * cost + p**n * ended, failed
+        return failed * (share * self.silent + (1 - share) * self.torn) + p**n * ended
 
     def distribution(self, noise: SteadyNoise) -> Distribution | None:
         """The distribution of a scan under some noise; None where there is no closed form of it."""

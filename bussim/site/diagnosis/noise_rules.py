@@ -101,7 +101,7 @@ def _bursts(w: Witness, tally: Tally, count: float) -> None:
     if w.bursts == "seen":
         found.append("the ladder counts more scans with several failures than chance makes")
     for index, why in enumerate(found):
-        tally.add(Cause.NOISE_BURSTS, None, 1 if index else base + 3, why)
+        tally.add(Cause.NOISE_BURSTS, None, 1 if index else base + 2.5, why)  # one alone leads by less than 3
     if not found and w.bursts == "not seen":
         tally.add(Cause.NOISE_WIRE, None, 2, "by the ladder's counts failures do not come together")
     elif not found:
