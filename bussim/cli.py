@@ -18,6 +18,7 @@ from bussim.version import __version__
 #: The commands, in the order of ``--help``, with their one-line descriptions.
 COMMANDS = {
     "run": "Simulate a scenario and write its results.",
+    "new": "Write a commented scenario to begin with.",
     "check": "Name every mistake of scenarios with its line and column.",
     "exact": "Work out link scan and poll cycle times.",
     "size": "Recommend retries and timeout.",

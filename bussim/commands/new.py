@@ -1,0 +1,110 @@
+"""``bussim new``: a commented scenario of one N:N link, to begin with."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import click
+
+from bussim.commands.common.output import checked_target, write_text
+from bussim.commands.size.uniform_link import DEFAULT_PROFILE, DEFAULT_SCAN, uniform_link
+from bussim.errors import UsageError
+
+_TEXT = """\
+# {stations} PLCs on one N:N link. `bussim check FILE` names mistakes, `bussim guide scenario` all keys.
+schema: 1
+name: {stations} stations, mode {mode}
+duration: 60 s              # what `bussim run` simulates
+seed: 1                     # of the random numbers: the same seed gives the same run
+
+buses:
+  - {{name: link, nn: true}}  # 38400 7E1, fixed by the protocol
+
+plcs:                       # in the order in which the cable visits them
+  - name: master
+    profile: {profile}           # which PLC: {profiles}
+    scan: {scan}             # its PLC scan time; where it varies: {{mean: {scan}, jitter: 1 ms}}
+    nn:
+      bus: link
+      port: {port}          # M8179
+      station: 0            # D8176: 0 is the master
+      slaves: {slaves}             # D8177
+      mode: {mode}               # D8178: {bits} bits and {words} words of each station
+      retries: {retries}            # D8179, 0 to {most}: `bussim size FILE` recommends it
+      timeout: {timeout}        # D8180, in steps of 10 ms: this too
+{rest}
+# What disturbs the line. If you do not know it, leave it out: `size` then assumes three levels of noise.
+{mark}noise:
+{mark}  - {{bus: link, ber: {ber}}} # chance that a bit is inverted
+# What is to go wrong, and when.
+# faults:
+#   - {{at: 20 s, for: 5 s, power_off: slave1}}
+"""
+
+
+@click.command()
+@click.option("--stations", type=int, default=4, show_default=True, metavar="N", help="The master too.")
+@click.option("--mode", type=int, default=0, show_default=True, metavar="D8178", help="Refresh mode.")
+@click.option("--scan", metavar="T", default=DEFAULT_SCAN, show_default=True, help="PLC scan time of each.")
+@click.option("--profile", metavar="NAME", default=DEFAULT_PROFILE, show_default=True, help="Which PLCs.")
+@click.option("--ber", type=float, metavar="P", help="Bit error rate of the line. [default: not known]")
+@click.option("-o", "--out", metavar="FILE", help="Where to write it, instead of printing it.")
+@click.option("--force", is_flag=True, help="Replace the file if it exists.")
+def command(
+    *, stations: int, mode: int, scan: str, profile: str, ber: float | None, out: str | None, force: bool
+) -> None:
+    """Write a scenario of equal stations on an N:N link, with comments, to be changed by hand.
+
+    For example: bussim new --stations 5 --mode 2 --scan 8ms -o my_line.yaml
+    """
+    if force and out is None:
+        raise UsageError("--force goes with --out")
+    text = new_scenario(stations, mode, scan=scan, profile=profile, ber=ber)
+    if out is None:
+        click.echo(text, nl=False)
+        return
+    target = checked_target(Path(out), (".yaml", ".yml"), force=force)
+    write_text(target, text)
+    click.echo(target)
+
+
+def new_scenario(
+    stations: int,
+    mode: int,
+    *,
+    scan: str = DEFAULT_SCAN,
+    profile: str = DEFAULT_PROFILE,
+    ber: float | None = None,
+) -> str:
+    """The commented text of the scenario of :func:`uniform_link`, at ports of the profile; raises as it."""
+    from bussim.engines.nn.frames import MODES
+    from bussim.plc.profiles import MAX_RETRIES, PROFILES
+    from bussim.units import format_time
+
+    link = uniform_link(stations, mode, profile=profile, scan=scan, ber=ber)
+    master = link.plcs[0]
+    port = "COM4" if "COM4" in master.profile.board_ports else "COM3"
+    rest = "".join(
+        f"  - {{name: {plc.name}, profile: {profile}, scan: {format_time(plc.scan.mean)}, "
+        f"nn: {{bus: link, port: {port}, station: {number}}}}}\n"
+        for number, plc in enumerate(link.plcs[1:], 1)
+    )
+    text = _TEXT.format(
+        stations=stations,
+        slaves=stations - 1,
+        mode=mode,
+        bits=MODES[mode].bits,
+        words=MODES[mode].words,
+        scan=format_time(master.scan.mean),
+        profile=profile,
+        profiles=", ".join(PROFILES),
+        retries=master.registers["D8179"],
+        most=MAX_RETRIES,
+        timeout=f"{10 * master.registers['D8180']} ms",
+        rest=rest,
+        mark="" if ber else "# ",
+        ber=repr(ber) if ber else "1.0e-6",
+        port=port,
+    )
+    return re.sub(r"(?m)^([^#\n]+?) +(?=# )", lambda found: f"{found[1]:<27} ", text)
