@@ -22,6 +22,7 @@ import os
 import select
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 from urllib.parse import urlsplit
@@ -32,6 +33,7 @@ from serial.rs485 import RS485Settings
 from bussim.errors import UsageError
 from bussim.line.characters import CharFormat, LineTiming
 from bussim.live.arrival import framed_byte
+from bussim.live.clock import as_seconds
 from bussim.live.options import CHUNK, DirectionControl, PortOptions
 
 if sys.platform == "win32":
@@ -50,6 +52,10 @@ _IN_USE = "another program has it open"
 LOCK_FOLDER = Path("/var/lock")
 #: Seconds between two reads of a port that cannot be waited for.
 _READ_INTERVAL = 0.0005
+#: What pyserial's thread of an RFC 2217 port runs.
+_READ_LOOP = "_telnet_read_loop"
+#: Seconds before its end in which the end of a frame is waited for without sleeping.
+_LAST_WAIT = 0.002
 #: Seconds after which a write that makes no progress is given up.
 _WRITE_TIMEOUT = 1.0
 
@@ -138,6 +144,7 @@ class SerialEndpoint:
                 f"it is used with 8N{fmt.stop_bits} instead of {fmt}"
             )
             self.warnings = (missing,)
+        self._line = line
         self._framed_bytes = bytes(framed_byte(fmt, value) for value in range(256))
         if options.direction is DirectionControl.DRIVER:
             self._set_direction(url)
@@ -185,9 +192,13 @@ class SerialEndpoint:
             if not self._rts:
                 return self._port.write(data) or 0
             self._port.rts = True
+            until = time.perf_counter() + as_seconds(self._line.characters(len(data)))
             try:
                 taken = self._port.write(data) or 0
-                self._port.flush()
+                if sys.platform != "win32":  # which looks every 50 ms whether all has left
+                    self._port.flush()
+                while (left := until - time.perf_counter()) > 0:
+                    time.sleep(left - _LAST_WAIT if left > 2 * _LAST_WAIT else 0)
             finally:
                 self._port.rts = False
         except serial.SerialTimeoutException:
@@ -196,11 +207,15 @@ class SerialEndpoint:
 
     def close(self) -> None:
         """See the protocol."""
-        connection = getattr(self._port, "_socket", None)
-        with contextlib.suppress(*LOST_ERRORS, AttributeError):
-            self._port.close()
-        if connection is not None:  # which pyserial leaves open if the other side has closed it
-            connection.close()
+        _close(self._port)
+
+
+def _close(port: serial.Serial) -> None:
+    connection = getattr(port, "_socket", None)
+    with contextlib.suppress(*LOST_ERRORS, AttributeError):
+        port.close()
+    if connection is not None:  # which pyserial leaves open if the other side has closed it
+        connection.close()
 
 
 def _without_parity(fmt: CharFormat) -> CharFormat:
@@ -222,14 +237,41 @@ def _open(url: str, baud: int, fmt: CharFormat) -> serial.Serial:
         )
     except ValueError as error:
         raise UsageError(f"{url!r} is no port that can be opened: {error}") from error
+    if url.startswith("rfc2217://"):
+        setattr(port, _READ_LOOP, _quietly(getattr(port, _READ_LOOP)))
     if device:
         _respect_lock(url)
         port.exclusive = True  # two programs on one port take each other's bytes away
     try:
         port.open()
+    except OSError:
+        _close(port)
+        raise
     except ValueError as error:
-        raise UsageError(f"{url} cannot be used with {baud} {fmt}: {error}") from error
+        raise UsageError(
+            f"{url} cannot be used with {baud} {fmt}: {error}{_control_hint(url, error)}"
+        ) from error
+    if device and not _is_terminal(url):
+        # An FTDI adapter then hands bytes over after 1 ms and not 16; drivers that know no latency refuse it.
+        with contextlib.suppress(AttributeError, ValueError, OSError):
+            port.set_low_latency_mode(True)
     return port
+
+
+def _control_hint(url: str, error: Exception) -> str:
+    if not url.startswith("rfc2217://") or "control" not in str(error) or "ign_set_control" in url:
+        return ""
+    return f"; if the server has no control lines: {url}{'&' if '?' in url else '?'}ign_set_control"
+
+
+def _quietly(loop: Callable[[], None]) -> Callable[[], None]:
+    """A thread's loop without a traceback: pyserial's reads say that their thread has died."""
+
+    def run() -> None:
+        with contextlib.suppress(Exception):
+            loop()
+
+    return run
 
 
 def _respect_lock(url: str) -> None:
@@ -277,7 +319,7 @@ def why_not(url: str, error: Exception) -> UsageError:
     reason = _reason(url, error)
     if reason == _IN_USE:
         return PortInUseError(f"{url} cannot be opened: {reason}")
-    here = _ports_here(url)
+    here = _ports_here(url) + _control_hint(url, error)
     return UsageError(f"{url} cannot be opened: {reason}{here}")
 
 

@@ -19,8 +19,8 @@ pseudo-terminal; ``modbus_serve`` makes slaves as a test wants them::
 
 Faults befall replies one after the other, in the order in which they were asked for; with ``station`` those
 of one station. Addresses count from 0, as in frames; times are seconds, or texts with a unit ("10 ms").
-``asked`` has every request, those to absent stations too. A pseudo-terminal has no parity: open ``device`` with 8N1. It
-needs a system with pseudo-terminals (Linux, macOS); elsewhere the fixtures skip, and
+``asked`` has every request, those to absent stations too. A pseudo-terminal has no parity: open ``device``
+with 8N1. It needs a system with pseudo-terminals (Linux, macOS); elsewhere the fixtures skip, and
 ``modbus_serve(url="listen://127.0.0.1:0")`` gives a ``socket://`` to open.
 
 Without pytest: ``with ServedBus() as bus: …``.

@@ -43,8 +43,18 @@ class FakePort:
         return len(data)
 
 
+class WithoutControl(serial.rfc2217.PortManager):  # type: ignore[misc]
+    """A server that knows no control lines: it does not respond to SET-CONTROL."""
+
+    def _telnet_process_subnegotiation(self, suboption: bytes) -> None:
+        if suboption[1:2] != serial.rfc2217.SET_CONTROL:
+            super()._telnet_process_subnegotiation(suboption)
+
+
 @contextmanager
-def remote() -> Iterator[tuple[str, FakePort]]:
+def remote(
+    manager_of: type[serial.rfc2217.PortManager] = serial.rfc2217.PortManager,
+) -> Iterator[tuple[str, FakePort]]:
     """pyserial's PortManager over a port that notes its settings."""
     fake = FakePort()
     server = socket.create_server(("127.0.0.1", 0))
@@ -59,7 +69,7 @@ def remote() -> Iterator[tuple[str, FakePort]]:
             def write(self, data: bytes) -> None:
                 connection.sendall(data)
 
-        manager = serial.rfc2217.PortManager(fake, Network())
+        manager = manager_of(fake, Network())
         while not done.is_set():
             try:
                 data = connection.recv(1024)
