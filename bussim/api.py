@@ -11,9 +11,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from bussim.errors import UsageError
 from bussim.results.collector import Collector, Rows
@@ -30,7 +30,20 @@ from bussim.scenario.provenance import ASSUMED
 from bussim.trace.records import RunTotals
 from bussim.version import __version__
 
-__all__ = ["Progress", "Result", "Source", "load", "open_run", "run"]
+if TYPE_CHECKING:
+    from bussim.results.plots.style import Picture
+
+__all__ = [
+    "Progress",
+    "Result",
+    "Source",
+    "load",
+    "loads",
+    "open_run",
+    "plot_scan_times",
+    "run",
+    "timeline",
+]
 
 #: Called with (ticks simulated, ticks in all) now and then.
 Progress = Callable[[int, int], None]
@@ -48,6 +61,13 @@ def load(source: Source, overrides: Iterable[str] = (), *, allow_code: bool = Fa
     from bussim.scenario import loader
 
     return loader.load(source, overrides, allow_code=allow_code)
+
+
+def loads(text: str, overrides: Iterable[str] = (), *, allow_code: bool = False) -> Scenario:
+    """The scenario in a text; else as :func:`load`."""
+    from bussim.scenario import loader
+
+    return loader.loads(text, overrides=overrides, allow_code=allow_code)
 
 
 def run(
@@ -106,6 +126,82 @@ def open_run(folder: Source) -> Result:
     """
     location = Path(folder)
     return Result(load_run(location), FolderRows(location), folder=location)
+
+
+def plot_scan_times(runs: Mapping[str, Result | RunRecord], bus: str | None = None) -> Picture:
+    """The histograms of several runs' link scan times in one picture, by what each is to be called.
+
+    ``bus`` is the link's (None: the first one with scans). Raises UsageError for a bus that a run lacks, for
+    one without scans, and for no run or more than can be distinguished.
+    """
+    from bussim.results.plots.scan_times import scan_time_histogram
+
+    records = [run.record if isinstance(run, Result) else run for run in runs.values()]
+    if not records:
+        raise UsageError("no run to draw: give one at least")
+    links = records[0].links
+    name = (
+        bus
+        if bus is not None
+        else next((each for each in links if links[each].scan_times.histogram.count), "")
+    )
+    return scan_time_histogram(records, name, list(runs))
+
+
+def timeline(
+    run: Result | Source, *, bus: str | None = None, since: str | None = None, span: str = "200ms"
+) -> Picture:
+    """A window of a traced run as a picture: what each station sent when, attempts, damage, what changed.
+
+    ``run`` is a result with a trace or the folder of one; ``bus`` is the one to draw (None: the one with the
+    longest link scan). The window begins at ``since``, such as "10 s", and lasts ``span``; without
+    ``since`` it is the longest link scan, or the longest attempt of another bus.
+
+    Raises UsageError without a trace, for an unknown bus, for what is no time, for a time after the run.
+    """
+    from bussim.report.picture import timeline_picture
+    from bussim.report.scene import scene_of
+    from bussim.report.trace_window import read_window, worst_window
+    from bussim.results.text.run import caption_of
+    from bussim.units import parse_time
+
+    result = run if isinstance(run, Result) else open_run(run)
+    trace, record = result.open_trace(), result.record
+    name = drawn_bus(record, [each.name for each in trace.header.buses], bus)
+    if since is None:
+        window = worst_window(trace, record, name)
+        if window is None:
+            raise UsageError(f"the bus {name!r} carried nothing; choose a window with since and span")
+    else:
+        try:
+            begin, length = parse_time(since), parse_time(span)
+        except ValueError as error:
+            raise UsageError(f"since or span {error}") from None
+        if begin >= record.duration:
+            raise UsageError(f"since is {since}, beyond the end of the run")
+        window = begin, min(begin + length, record.duration)
+    return timeline_picture(scene_of(read_window(trace, record, name, *window)), caption_of(record.summary))
+
+
+def drawn_bus(record: RunRecord, buses: Sequence[str], wanted: str | None) -> str:
+    """The bus of a run to draw: the wanted one, else the one with the longest link scan.
+
+    ``buses`` are those of its trace. Raises UsageError if it is none of them, or there are none.
+    """
+    if wanted is not None:
+        if wanted not in buses:
+            raise UsageError(
+                f"{record.scenario} has no bus {wanted!r}; it has {', '.join(map(repr, buses)) or 'none'}"
+            )
+        return wanted
+    longest = {
+        bus: link.scan_times.histogram.maximum or 0 for bus, link in record.links.items() if bus in buses
+    }
+    if longest:
+        return max(longest, key=lambda bus: longest[bus])
+    if not buses:
+        raise UsageError(f"the trace of {record.scenario} names no bus; there is nothing to draw")
+    return buses[0]
 
 
 def _simulate(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -45,13 +46,35 @@ def command(runs: tuple[str, ...], *, out: str | None, force: bool, no_exact: bo
     timeline (of a run with --trace), figures of every station, settings, scenario, and how to repeat
     it. Prints the path of the page.
     """
-    from bussim.commands.common.output import busy, checked_target, write_text
+    from bussim.commands.common.output import busy
+
+    with busy(f"reading {', '.join(runs)}"):
+        target = report(*runs, out=out, force=force, exact=not no_exact, allow_code=allow_code)
+    click.echo(target)
+
+
+def report(
+    *runs: str | os.PathLike[str],
+    out: str | os.PathLike[str] | None = None,
+    force: bool = False,
+    exact: bool = True,
+    allow_code: bool = False,
+) -> Path:
+    """Write one HTML page on the folders of one run or several, and return its path.
+
+    ``out`` is the page (None: report.html in the run's folder, of several runs in this one); ``force``
+    replaces it. Without ``exact`` the page has no exact law, which takes long on a noisy line.
+
+    Raises UsageError for folders that are none of runs, for too many, and where the page cannot be written.
+    """
+    from bussim.commands.common.output import checked_target, write_text
     from bussim.report.page import labels_of, report_page
     from bussim.report.scene import MOST_SHAPES
     from bussim.results.store.load import load_run
 
-    if len(runs) > _MOST_RUNS:
-        raise UsageError(f"{len(runs)} runs on one page cannot be distinguished; at most {_MOST_RUNS}")
+    if not 1 <= len(runs) <= _MOST_RUNS:
+        many = f"{len(runs)} runs on one page cannot be distinguished; at most {_MOST_RUNS}"
+        raise UsageError(many if runs else "no run to report: name the folder of one at least")
     folders = [Path(run) for run in runs]
     resolved = [folder.resolve() for folder in folders]
     for folder, whole in zip(folders, resolved, strict=True):
@@ -60,19 +83,17 @@ def command(runs: tuple[str, ...], *, out: str | None, force: bool, no_exact: bo
     records = [load_run(folder) for folder in folders]
     target = checked_target(_target(folders, out), (".html", ".htm"), force=force)
     labels = labels_of([whole.name for whole in resolved], records)
-    sources: list[Source] = []
     shapes = MOST_SHAPES // len(folders)
-    with busy(f"reading {', '.join(labels)}"):
-        for folder, record, label in zip(folders, records, labels, strict=True):
-            sources.append(
-                _source(folder, record, label, shapes=shapes, exact=not no_exact, allow_code=allow_code)
-            )
-        page = report_page(sources, ["bussim", "report", *runs])
+    sources = [
+        _source(folder, record, label, shapes=shapes, exact=exact, allow_code=allow_code)
+        for folder, record, label in zip(folders, records, labels, strict=True)
+    ]
+    page = report_page(sources, ["bussim", "report", *map(str, runs)])
     write_text(target, page)
-    click.echo(target)
+    return target
 
 
-def _target(folders: Sequence[Path], out: str | None) -> Path:
+def _target(folders: Sequence[Path], out: str | os.PathLike[str] | None) -> Path:
     if out is not None:
         return Path(out)
     return folders[0] / "report.html" if len(folders) == 1 else Path("report.html")

@@ -81,7 +81,7 @@ def command(
     """  # noqa: D301 - click keeps the lines of a paragraph that begins with this very character
     from bussim.commands.common.progress import progress_bar
     from bussim.results.store.safe_names import file_name
-    from bussim.sweep.run import run_sweep
+    from bussim.sweep.run import sweep as run_sweep
 
     target = Path("sweeps") / file_name(Path(scenario).stem) if out is None else Path(out)
     try:

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from bussim.report.trace_window import TraceWindow
     from bussim.results.run_record import RunRecord
     from bussim.trace.file import Trace
-    from bussim.trace.records import TraceBus
 
 #: Where neither --from nor --span says how long.
 _DEFAULT_SPAN = "200ms"
@@ -48,6 +47,7 @@ def command(
     Under the picture stands what the time of each link scan with a failed attempt went to. Needs a
     run with --trace. Prints the path of the picture.
     """
+    from bussim.api import drawn_bus
     from bussim.commands.common.output import busy, checked_target, traced_again
     from bussim.report.picture import timeline_picture
     from bussim.report.scene import scene_of
@@ -63,8 +63,8 @@ def command(
     if not (folder / TRACE).is_file():
         raise UsageError(f"{folder} has no trace to draw; get one with {traced_again(folder)}")
     trace = read_trace(folder)
-    buses = {each.name: each for each in trace.header.buses}
-    name = _bus(record, buses, bus)
+    buses = [each.name for each in trace.header.buses]
+    name = drawn_bus(record, buses, bus)
     with busy(f"looking for the longest scan in {folder / TRACE}"):
         begin, end = _window(trace, record, name, since, span, worst=worst)
     stem = file_names(buses)[name]
@@ -85,23 +85,6 @@ def command(
     for sentence in scene.why:
         click.echo(sentence)
     click.echo(target)
-
-
-def _bus(record: RunRecord, buses: dict[str, TraceBus], wanted: str | None) -> str:
-    if wanted is not None:
-        if wanted not in buses:
-            raise UsageError(
-                f"{record.scenario} has no bus {wanted!r}; it has {', '.join(map(repr, buses)) or 'none'}"
-            )
-        return wanted
-    longest = {
-        bus: link.scan_times.histogram.maximum or 0 for bus, link in record.links.items() if bus in buses
-    }
-    if longest:
-        return max(longest, key=lambda bus: longest[bus])
-    if not buses:
-        raise UsageError(f"the trace of {record.scenario} names no bus; there is nothing to draw")
-    return next(iter(buses))
 
 
 def _window(

@@ -1,4 +1,4 @@
-"""``run_sweep``: from what is to vary to the folder with the results."""
+"""``bussim.sweep``: from what is to vary to the folder with the results."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Progress = Callable[[str, int, int], None]
 _MOST_DEATHS = 3
 
 
-def run_sweep(
+def sweep(
     scenario: str | os.PathLike[str],
     vary: Iterable[str],
     *,

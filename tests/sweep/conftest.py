@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from bussim.sweep.run import run_sweep
+from bussim.sweep.run import sweep as run_sweep
 from tests.sweep.samples import REPEAT, VARY, contents, noisy
 
 

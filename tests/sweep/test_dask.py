@@ -15,7 +15,7 @@ import pytest
 from bussim.errors import RunError, UsageError
 from bussim.sweep import executors, plots
 from bussim.sweep.folder import JOURNAL
-from bussim.sweep.run import run_sweep
+from bussim.sweep.run import sweep as run_sweep
 from tests.sweep.samples import REPEAT, RETRIES, VARY, contents, noisy
 from tests.sweep.test_run import arguments, killed_after
 

@@ -18,7 +18,7 @@ from bussim.errors import RunError, UsageError
 from bussim.sweep import plots, run
 from bussim.sweep.folder import JOURNAL, MARKER, SweepFolder
 from bussim.sweep.result import SweepResult
-from bussim.sweep.run import run_sweep
+from bussim.sweep.run import sweep as run_sweep
 from tests.sweep.samples import RETRIES, HereExecutor, contents, noisy
 
 FILES = {"sweep.json", "scenario.yaml", "runs.csv", "runs.parquet", "points.csv", "sweep_link.png"}

@@ -17,7 +17,7 @@ from bussim.errors import RunError, ScenarioError, UsageError
 from bussim.sweep import executors, jobs, plots, run
 from bussim.sweep.executors import WorkerLost
 from bussim.sweep.folder import JOURNAL
-from bussim.sweep.run import run_sweep
+from bussim.sweep.run import sweep as run_sweep
 from tests.sweep.samples import BER, REPEAT, RETRIES, VARY, HereExecutor, contents, invented, noisy
 
 ROOT = Path(__file__).parents[2]

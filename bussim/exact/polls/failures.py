@@ -11,10 +11,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import assert_never
 
 from bussim.exact.polls.poll_list import PollListModel, PollModel
 from bussim.scenario.fault_kinds import Direction
-from bussim.scenario.model import ALWAYS, BitErrors, Burst, Noise, ReplyLoss
+from bussim.scenario.model import ALWAYS, BitErrors, Burst, Impulse, Noise, ReplyLoss
 
 
 @dataclass(slots=True)
@@ -50,8 +51,10 @@ class LineErrors:
                 self._bits(noise, master, good)
             case ReplyLoss(probability):
                 self.lost.setdefault(noise.target.station or "", []).append(probability)
-            case _:
+            case Burst() | Impulse():
                 self.reasons.append(f"{noise.name} comes and goes: attempts do not fail independently")
+            case _ as never:
+                assert_never(never)
 
     def _bits(self, noise: Noise, master: str, rate: float) -> None:
         station, received = noise.target.station, noise.target.direction is Direction.RX
