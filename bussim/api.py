@@ -45,6 +45,8 @@ __all__ = [
     "timeline",
 ]
 
+#: How often the size of a run's folder is looked at.
+_SIZE_CHECKS = 1000
 #: Called with (ticks simulated, ticks in all) now and then.
 Progress = Callable[[int, int], None]
 #: The path of a scenario file, or the name of a built-in scenario.
@@ -80,6 +82,7 @@ def run(
     force: bool = False,
     numbered: bool = False,
     progress: Progress | None = None,
+    largest: int | None = None,
 ) -> Result:
     """Simulate a scenario, given as such, as a file or by a built-in name.
 
@@ -89,7 +92,8 @@ def run(
     observed device, ``trace`` also every attempt, frame and event; without both the memory needed
     does not depend on the run's length. ``format`` is that of the tables, "csv" or "parquet". Where
     ``out`` exists, ``force`` replaces the folder of an earlier run and ``numbered`` takes the next
-    free of ``out-2``, ``out-3`` and so on; :attr:`Result.folder` is the one taken.
+    free of ``out-2``, ``out-3`` and so on; :attr:`Result.folder` is the one taken. A run whose folder
+    would become larger than ``largest`` bytes (None: any) is given up as soon as that is seen: UsageError.
 
     Raises ScenarioError or UsageError for bad input, RunError if writing fails.
     """
@@ -114,9 +118,32 @@ def run(
         numbered=numbered,
         header=trace_header(scenario),
     ) as folder:
+        if largest is not None:
+            progress = _bounded(progress, folder, largest)
         totals, record = _simulate(scenario, folder.rows if rows or trace else None, trace, progress)
         location = folder.finish(record, text)
     return Result(record, FolderRows(location), totals=totals, folder=location)
+
+
+def _bounded(progress: Progress | None, folder: RunFolder, largest: int) -> Progress:
+    """The progress, which gives a run up whose folder would become larger than so many bytes."""
+    done_before = 0
+
+    def watch(done: int, total: int) -> None:
+        nonlocal done_before
+        if progress is not None:
+            progress(done, total)
+        if (done - done_before) * _SIZE_CHECKS < total:
+            return
+        done_before, size = done, folder.size()
+        if size * _SIZE_CHECKS > largest and size * total > largest * done:
+            raise UsageError(
+                f"{folder.target} would become about {size * total / done / 1e9:,.2g} GB ({done / total:.1%} "
+                f"of the run have {size / 1e9:,.2g} GB), allowed are {largest / 1e9:,.6g} GB: write less "
+                "(without --trace, with --no-rows, a shorter --duration), or raise --largest"
+            )
+
+    return watch
 
 
 def open_run(folder: Source) -> Result:

@@ -33,6 +33,14 @@ if TYPE_CHECKING:
 @click.option("--force", is_flag=True, help="Replace the folder, or the readout, of an earlier run.")
 @click.option("--readout", metavar="FILE", help="Also write what could be read on site at the end.")
 @click.option("--as-seen", is_flag=True, help="With --readout: only what a technician would note.")
+@click.option(
+    "--largest",
+    metavar="GB",
+    type=click.FloatRange(0, min_open=True),
+    default=10,
+    show_default=True,
+    help="Give up a run whose folder would become larger.",
+)
 @unsimulated_option
 @code_option
 def command(
@@ -50,6 +58,7 @@ def command(
     force: bool,
     readout: str | None,
     as_seen: bool,
+    largest: float,
     allow_code: bool,
     allow_unsimulated: bool,
 ) -> None:
@@ -82,6 +91,7 @@ def command(
                 force=force,
                 numbered=out is None and not force,
                 progress=progress,
+                largest=int(min(largest, 1e9) * 1e9),
             )
     except KeyboardInterrupt as error:
         raise type(error)("stopped: the run was not finished and left no results") from None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -222,3 +223,17 @@ def test_ports_in_words_and_as_files(here: Path, capsys: pytest.CaptureFixture[s
     assert len(received) == port["received"] > 0
     assert sum(len(bytes.fromhex(row["bytes"])) for row in received) == port["bytes"]["received"]
     assert "modbus.csv" not in names(here / "q")
+
+
+def test_a_run_that_would_be_too_large_is_given_up_early(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["run", "press_line", "--duration", "10h", "--trace", "--out", str(tmp_path / "x")]
+    assert main([*words, "--largest", "0.05"]) == 2
+    error = capsys.readouterr().err
+    assert re.search(
+        r"x would become about [\d.]+ GB \(0\.\d% of the run have [\d.e-]+ GB\), allowed are 0.05 GB", error
+    )
+    assert "raise --largest" in error
+    assert not any(tmp_path.iterdir())
+    assert main([*words[:3], "5s", *words[4:], "--no-plots", "--largest", "0.05"]) == 0

@@ -1,4 +1,4 @@
-"""Progress bars, on a terminal only."""
+"""How far a command is: bars on a terminal, elsewhere a line now and then of what takes minutes."""
 
 from __future__ import annotations
 
@@ -7,23 +7,29 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from math import ceil
 from typing import TYPE_CHECKING
+
+import click
 
 if TYPE_CHECKING:
     from rich.progress import TaskID
 
 #: What is over sooner needs no progress bar (seconds).
 _PATIENCE = 2.0
+#: Where there is no bar: the first line after so many seconds, the next after so many times what went by;
+#: time left that is worth a line, and that is given in hours.
+_FIRST_LINE, _RARER, _WORTH_A_LINE, _HOURS = 5.0, 3, 60.0, 5400.0
 
 
 @contextmanager
-def progress_bar(*, counted: bool = False) -> Iterator[Callable[[str, int, int], None] | None]:
+def progress_bar(*, counted: bool = False) -> Iterator[Callable[[str, int, int], None]]:
     """A bar on stderr for what takes its time, called with what is done, how much of it, and of how much.
 
-    With ``counted`` it shows both numbers. None where stderr is no terminal.
+    With ``counted`` it shows both numbers. Where stderr is no terminal, lines say how long it will take.
     """
     if not sys.stderr.isatty():
-        yield None
+        yield _Lines()
         return
     from rich.console import Console
     from rich.progress import MofNCompleteColumn, Progress, TextColumn
@@ -49,8 +55,27 @@ def progress_bar(*, counted: bool = False) -> Iterator[Callable[[str, int, int],
             bar.stop()
 
 
+class _Lines:
+    """Says what takes longer than a minute, after some seconds and then ever less often."""
+
+    def __init__(self) -> None:
+        self._what, self._before, self._begun, self._next = "", 0, 0.0, 0.0
+
+    def __call__(self, what: str, done: int, total: int) -> None:
+        now = time.monotonic()
+        if what != self._what:
+            self._what, self._before, self._begun, self._next = what, done, now, now + _FIRST_LINE
+        if now < self._next or done <= self._before:
+            return
+        self._next = now + _RARER * (now - self._begun)
+        left = (now - self._begun) * (total - done) / (done - self._before)
+        if left > _WORTH_A_LINE:
+            whole = f"{ceil(left / 60):,} min" if left < _HOURS else f"{left / 3600:,.1f} h"
+            click.echo(f"{what}: {done / total:.1%} done, about {whole} left", err=True)
+
+
 @contextmanager
-def simulating_bar() -> Iterator[Callable[[int, int], None] | None]:
+def simulating_bar() -> Iterator[Callable[[int, int], None]]:
     """The bar of a simulation, called with the ticks simulated and those in all."""
     with progress_bar() as progress:
-        yield None if progress is None else partial(progress, "simulating")
+        yield partial(progress, "simulating")

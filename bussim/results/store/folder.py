@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import sys
 from collections.abc import Iterator
 from itertools import count
@@ -104,6 +105,10 @@ class RunFolder:
                 remove_folder(self._part, [MARKER], self._lock)
         if isinstance(error, OSError):
             raise RunError(f"{self.target}: writing failed: {reason(error)}") from error
+
+    def size(self) -> int:
+        """Bytes that were written so far."""
+        return sum(entry.stat().st_size for entry in os.scandir(self._part))
 
     def finish(self, record: RunRecord, scenario: str) -> Path:
         """Write summary, histograms and scenario, and move the folder to its target.

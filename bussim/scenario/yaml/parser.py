@@ -225,13 +225,18 @@ class _Reader:
                 if root is not None:
                     message = "a second document begins here; a scenario is one document"
                     raise self._stop(self._mark(event), message)
-                root = self._node(next(self._events), ())
+                root = self._node(next(self._events, None), ())
         return root
 
     def _node(self, event: Any, path: Path) -> _Node:
         """The value at ``path`` that begins with an event."""
         from yaml.events import AliasEvent, MappingStartEvent, ScalarEvent
 
+        if not hasattr(
+            event, "anchor"
+        ):  # it begins no value, where the parsers disagree on what comes before a mistake
+            at = (1, 1) if event is None else _mark(event.start_mark)
+            raise Trouble(at, "is not YAML: a value is missing", at)
         mark = self._mark(event)
         if isinstance(event, AliasEvent):
             return self._alias(str(event.anchor), mark, path)
@@ -317,7 +322,7 @@ class _Reader:
             if key.text is None:
                 self._complain(key.mark, "a key must be text, not a list or mapping")
             plain = not getattr(event, "style", ">")
-            node = self._node(next(self._events), (*path, key.text or ""))
+            node = self._node(next(self._events, None), (*path, key.text or ""))
             if node.text == "":
                 node.mark = key.mark  # of nothing, the parser's position is that of whatever comes next
                 if self._flow and plain and not _BARE_KEY.fullmatch(key.text or ""):

@@ -1,0 +1,158 @@
+"""Commands ended by signals at random moments, and pairs of commands with one target; run by hand.
+
+``python -m tests.killing kill [MOMENTS]`` ends each command by SIGINT, SIGTERM and SIGKILL at so many moments
+and prints a table: what the exit codes were, and whether anything was half written, left or still running.
+``python -m tests.killing pairs [COUNT]`` starts so many pairs at once and compares what is there with each alone.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+from random import Random
+
+ROOT = Path(__file__).parents[1]
+LONG = ["two_stations", "--duration", "20h"]
+#: Words of each command; A and B are runs, each OUT is a target.
+COMMANDS: dict[str, list[str]] = {
+    "run": ["run", *LONG, "--trace", "--out", "OUT"],
+    "check": ["check", *["nn_with_modbus", "manual_programs", "press_line"] * 8],
+    "exact": ["exact", "eight_stations_mode2", "--plot", "--out", "OUT.png"],
+    "size": ["size", "press_line", "--out", "OUT"],
+    "watch": ["watch", "interlock", "--devices", "press1.D8201", "--csv", "OUT.csv"],
+    "sweep": ["sweep", *LONG[:2], "30m", "--vary", "seed=1:40:1", "--workers", "2", "--out", "OUT"],
+    "scenarios": ["scenarios", "two_stations", "--copy", "OUT.yaml"],
+    "plot": ["plot", "A", "--out", "OUT.png"],
+    "timeline": ["timeline", "A", "--out", "OUT.png"],
+    "export": ["export", "A", "--to", "vcd", "-o", "OUT.vcd"],
+    "report": ["report", "A", "-o", "OUT.html"],
+    "sniff": ["sniff", "A", "--out", "OUT"],
+    "fit": ["fit", "A", "-o", "OUT.yaml"],
+    "serve": ["serve", "nn_with_modbus", "feeder1", "--out", "OUT"],
+    "poll": ["poll", "pty", "-l", "100"],
+    "site": ["site", "R.yaml"],
+    "guide": ["guide", "model"],
+}
+PAIRS: dict[str, tuple[str, ...]] = {
+    "export": ("export", "?", "--to", "vcd", "-o", "OUT.vcd", "--force"),
+    "plot": ("plot", "?", "--out", "OUT.png", "--force"),
+    "report": ("report", "?", "-o", "OUT.html", "--force"),
+    "sweep": ("sweep", "two_stations", "--duration", "2s", "--vary", "?", "--workers", "1", "--out", "OUT", "--force"),
+}  # fmt: skip
+
+
+def started(words: list[str], folder: Path, group: bool = True) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "bussim", *words],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "XDG_RUNTIME_DIR": str(folder)},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=group,
+    )
+
+
+def alive(group: int) -> bool:
+    """Whether a process of a group is still there."""
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def left(folder: Path, before: set[str]) -> set[str]:
+    """Names that a command added, without its whole results."""
+    names = {path.name for path in folder.iterdir()} - before
+    return {name for name in names if not name.startswith("OUT") or name.endswith((".part", ".incomplete"))}
+
+
+def kill(moments: int, folder: Path) -> None:
+    for name in ("A", "B"):
+        started(["run", "two_stations", "--duration", "20s", "--trace", "--out", name, "--set", f"seed={ord(name)}"], folder).wait()  # fmt: skip
+    started(["run", "two_stations", "--duration", "2s", "--out", "C", "--readout", "R.yaml"], folder).wait()
+    random, before = Random(1), {path.name for path in folder.iterdir()}
+    print("command    signal   done before  codes  words that are none of ours  left behind  still running")
+    for name, words in COMMANDS.items():
+        begun = time.monotonic()
+        process = started(words, folder)
+        try:
+            process.wait(8)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+        lasts = time.monotonic() - begun
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+            codes, odd, remains, running, done = Counter[int](), Counter[str](), Counter[str](), 0, 0
+            for _ in range(moments):
+                for path in folder.iterdir():
+                    if path.name not in before:
+                        shutil.rmtree(path) if path.is_dir() else path.unlink()
+                process = started(words, folder)
+                time.sleep(random.uniform(0, lasts))
+                done += process.poll() is not None
+                process.send_signal(number)
+                _, said = process.communicate()
+                codes[process.returncode] += 1
+                if "Traceback" in said or "Warning" in said:
+                    odd[said[-300:]] += 1
+                if number != signal.SIGKILL:
+                    remains.update(left(folder, before))
+                until = time.monotonic() + 5
+                while alive(process.pid) and time.monotonic() < until:
+                    time.sleep(0.05)
+                if alive(process.pid):
+                    running += 1
+                    os.killpg(process.pid, signal.SIGKILL)
+            print(
+                f"{name:10} {number.name:8} {done:5} {dict(codes)} {dict(odd)} {dict(remains)} {running}",
+                flush=True,
+            )
+
+
+def content(path: Path) -> str:
+    """A digest of a file, or of all files of a folder but pictures' dates."""
+    if path.is_file():
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    parts = sorted(each for each in path.rglob("*") if each.is_file() and each.suffix == ".csv")
+    return hashlib.sha256(b"".join(each.read_bytes() for each in parts)).hexdigest()
+
+
+def pairs(count: int, folder: Path) -> None:
+    for name in ("A", "B"):
+        started(["run", "two_stations", "--duration", "20s", "--trace", "--out", name, "--set", f"seed={ord(name)}"], folder).wait()  # fmt: skip
+    for name, words in PAIRS.items():
+        both = ("seed=1,2", "seed=3,4") if name == "sweep" else ("A", "B")
+        target = next(folder / word for word in words if word.startswith("OUT"))
+        alone = []
+        for one in both:
+            started([one if word == "?" else word for word in words], folder).communicate()
+            alone.append(content(target))
+        results, codes, said = Counter[str](), Counter[tuple[int, ...]](), Counter[str]()
+        for _ in range(count):
+            two = [started([one if word == "?" else word for word in words], folder) for one in both]
+            texts = [process.communicate()[1] for process in two]
+            codes[tuple(sorted(process.returncode for process in two))] += 1
+            found = content(target)
+            results["AB"[alone.index(found)] if found in alone else "neither"] += 1
+            for text in texts:
+                said[text.strip().replace(str(folder), "").split(" (bussim-")[0][-90:] or "nothing"] += 1
+        rest = [path.name for path in folder.iterdir() if path.suffix in (".part", ".incomplete")]
+        print(f"{name}: {dict(results)}, codes {dict(codes)}, left {rest}", flush=True)
+        for text, number in said.most_common():
+            print(f"  {number:3} said {text}", flush=True)
+
+
+if __name__ == "__main__":
+    todo, number = sys.argv[1], int((*sys.argv, "", "0")[2] or 0)
+    with tempfile.TemporaryDirectory() as place:
+        {"kill": kill, "pairs": pairs}[todo](number or {"kill": 30, "pairs": 16}[todo], Path(place))
