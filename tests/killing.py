@@ -1,8 +1,8 @@
 """Commands ended by signals at random moments, and pairs of commands with one target; run by hand.
 
-``python -m tests.killing kill [MOMENTS]`` ends each command by SIGINT, SIGTERM and SIGKILL at so many moments
+``python -m tests.killing kill [MOMENTS [COMMAND ...]]`` ends each command by SIGINT, SIGTERM and SIGKILL at so many moments
 and prints a table: what the exit codes were, and whether anything was half written, left or still running.
-``python -m tests.killing pairs [COUNT]`` starts so many pairs at once and compares what is there with each alone.
+``python -m tests.killing pairs [COUNT [COMMAND ...]]`` starts so many pairs at once and compares what is there with each alone.
 """
 
 from __future__ import annotations
@@ -29,8 +29,9 @@ COMMANDS: dict[str, list[str]] = {
     "size": ["size", "press_line", "--out", "OUT"],
     "watch": ["watch", "interlock", "--devices", "press1.D8201", "--csv", "OUT.csv"],
     "sweep": ["sweep", *LONG[:2], "30m", "--vary", "seed=1:40:1", "--workers", "2", "--out", "OUT"],
+    "new": ["new", "-o", "OUT.yaml"],
     "scenarios": ["scenarios", "two_stations", "--copy", "OUT.yaml"],
-    "plot": ["plot", "A", "--out", "OUT.png"],
+    "plot": ["plot", "A", "--out", "OUT"],
     "timeline": ["timeline", "A", "--out", "OUT.png"],
     "export": ["export", "A", "--to", "vcd", "-o", "OUT.vcd"],
     "report": ["report", "A", "-o", "OUT.html"],
@@ -43,7 +44,7 @@ COMMANDS: dict[str, list[str]] = {
 }
 PAIRS: dict[str, tuple[str, ...]] = {
     "export": ("export", "?", "--to", "vcd", "-o", "OUT.vcd", "--force"),
-    "plot": ("plot", "?", "--out", "OUT.png", "--force"),
+    "plot": ("plot", "?", "--out", "OUT"),
     "report": ("report", "?", "-o", "OUT.html", "--force"),
     "sweep": ("sweep", "two_stations", "--duration", "2s", "--vary", "?", "--workers", "1", "--out", "OUT", "--force"),
 }  # fmt: skip
@@ -82,7 +83,8 @@ def kill(moments: int, folder: Path) -> None:
     started(["run", "two_stations", "--duration", "2s", "--out", "C", "--readout", "R.yaml"], folder).wait()
     random, before = Random(1), {path.name for path in folder.iterdir()}
     print("command    signal   done before  codes  words that are none of ours  left behind  still running")
-    for name, words in COMMANDS.items():
+    wanted = {name: COMMANDS[name] for name in sys.argv[3:] or COMMANDS}
+    for name, words in wanted.items():
         begun = time.monotonic()
         process = started(words, folder)
         try:
@@ -119,18 +121,27 @@ def kill(moments: int, folder: Path) -> None:
             )
 
 
-def content(path: Path) -> str:
-    """A digest of a file, or of all files of a folder but pictures' dates."""
-    if path.is_file():
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    parts = sorted(each for each in path.rglob("*") if each.is_file() and each.suffix == ".csv")
-    return hashlib.sha256(b"".join(each.read_bytes() for each in parts)).hexdigest()
+def content(path: Path) -> dict[str, str]:
+    """Digests of a file, or of the files of a folder, by their names; of a sweep only of its tables."""
+    files = [path] if path.is_file() else [each for each in path.rglob("*") if each.is_file()]
+    kept = [each for each in files if each.suffix in (".csv", ".html", ".png", ".svg", ".vcd")]
+    return {each.name: hashlib.sha256(each.read_bytes()).hexdigest() for each in kept}
+
+
+def whose(found: dict[str, str], alone: list[dict[str, str]]) -> str:
+    """Whose the files are: A, B, or both where some whole files are the one's and some the other's."""
+    for name, other in zip("AB", alone, strict=True):
+        if found == other:
+            return name
+    whole = all(digest in (one.get(name) for one in alone) for name, digest in found.items())
+    return "files of both, each whole" if whole else "neither"
 
 
 def pairs(count: int, folder: Path) -> None:
     for name in ("A", "B"):
         started(["run", "two_stations", "--duration", "20s", "--trace", "--out", name, "--set", f"seed={ord(name)}"], folder).wait()  # fmt: skip
-    for name, words in PAIRS.items():
+    wanted = {name: PAIRS[name] for name in sys.argv[3:] or PAIRS}
+    for name, words in wanted.items():
         both = ("seed=1,2", "seed=3,4") if name == "sweep" else ("A", "B")
         target = next(folder / word for word in words if word.startswith("OUT"))
         alone = []
@@ -142,8 +153,7 @@ def pairs(count: int, folder: Path) -> None:
             two = [started([one if word == "?" else word for word in words], folder) for one in both]
             texts = [process.communicate()[1] for process in two]
             codes[tuple(sorted(process.returncode for process in two))] += 1
-            found = content(target)
-            results["AB"[alone.index(found)] if found in alone else "neither"] += 1
+            results[whose(content(target), alone)] += 1
             for text in texts:
                 said[text.strip().replace(str(folder), "").split(" (bussim-")[0][-90:] or "nothing"] += 1
         rest = [path.name for path in folder.iterdir() if path.suffix in (".part", ".incomplete")]
