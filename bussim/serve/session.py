@@ -19,6 +19,7 @@ from bussim.results.meters.link import LinkRecord, Pairs
 from bussim.results.run_record import RunRecord
 from bussim.scenario import model
 from bussim.scenario.build.trace_header import trace_header
+from bussim.scenario.rules.buses import NO_MASTER
 from bussim.serve.bridge import Bridge
 from bussim.serve.external_lines import ExternalLinkBus, ExternalSerialBus
 from bussim.serve.loop import RealTime
@@ -143,7 +144,9 @@ class Session:
         duration: int = FOREVER,
         report: Callable[[str], None] = _ignore,
     ) -> None:
-        self.scenario = replace(scenario, duration=duration)
+        outside = tuple(f"{target.bus} {NO_MASTER}" for target in targets)  # it has masters outside
+        warnings = tuple(text for text in scenario.warnings if not text.startswith(outside))
+        self.scenario = replace(scenario, duration=duration, warnings=warnings)
         self.targets = tuple(targets)
         self.report = report
         self.clock = Clock()
@@ -240,7 +243,13 @@ class Session:
                 if bridge.frames is not None:
                     bridge.frames.close()
             totals = self.simulation.totals()
-            self._totals = replace(totals, warnings=(*totals.warnings, *self._warnings()))
+            served = {target.bus for target in self.targets}
+            here = {node.partition(".")[0] for node in self.simulation.nodes}
+            away = {
+                plc.name for plc in self.scenario.plcs if plc.link is not None and plc.link.bus in served
+            } - here
+            plcs = tuple(replace(plc, registers={}) if plc.name in away else plc for plc in totals.plcs)
+            self._totals = replace(totals, plcs=plcs, warnings=(*totals.warnings, *self._warnings()))
         return self._totals
 
     def _warnings(self) -> list[str]:

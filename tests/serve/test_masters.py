@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from bussim.engines.modbus.adu import Mode
+from bussim.scenario.loader import loads
 from tests.live.exercises import be_refused, minimal_write_and_read_back, write_and_read_back
 from tests.serve.serving import SLAVES, Serving
 
@@ -85,6 +86,16 @@ def test_500_transactions_with_two_stations_of_one_wire_without_an_error(mode: M
     (line,) = [bus for bus in totals.buses if bus.bus in serving.session.devices]
     assert line.collisions == 0
     assert serving.session.wires[0].counts.dropped == 0
+
+
+def test_slaves_whose_master_is_outside_are_not_said_to_be_asked_by_nobody(
+    client: Any, served: Serving
+) -> None:
+    assert client.read_coils(0, count=1, device_id=1).isError() is False
+    (target,) = served.session.targets
+    said = f"{target.bus} has no Modbus master"
+    assert [text for text in loads(SLAVES).warnings if text.startswith(said)]
+    assert not [text for text in served.session.scenario.warnings if text.startswith(said)]
 
 
 def test_the_rest_of_the_scenario_goes_on_while_a_plc_is_served() -> None:

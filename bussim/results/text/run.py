@@ -155,6 +155,8 @@ def _show_registers(console: Console, record: RunRecord, bus: str) -> None:
         if "D8201" in registers and "D8202" in registers:
             devices = "/".join(own_name(record.summary, name, each) for each in ("D8201", "D8202"))
             words.setdefault(devices, []).append(f"{name} {registers['D8201']}/{registers['D8202']}")
+        elif not registers and words:  # a PLC outside, of which nothing is known
+            next(iter(words.values())).append(f"{name} –")
     for devices, texts in words.items():
         _print(console, f"  {devices:16} {', '.join(texts)}")
 

@@ -9,6 +9,9 @@ from bussim.scenario.resolve.nodes import Node, NodeRole
 from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.yaml.source_map import Path, Report
 
+#: Of a bus that has slaves alone.
+NO_MASTER = "has no Modbus master"
+
 
 def check_buses(resolved: Resolved, report: Report) -> None:
     """Check rate and format of links, and what sits on the other buses."""
@@ -26,9 +29,7 @@ def check_buses(resolved: Resolved, report: Report) -> None:
         if not there:
             report.warn(entry.path, f"nothing is on {bus.name}: no port of a PLC and no device")
         elif slaves and not masters:
-            report.warn(
-                entry.path, f"{bus.name} has no Modbus master: no station asks {', '.join(_names(slaves))}"
-            )
+            report.warn(entry.path, f"{bus.name} {NO_MASTER}: no station asks {', '.join(_names(slaves))}")
         for second in masters[1:]:
             report.warn(
                 second.path,
