@@ -21,6 +21,8 @@ from bussim.wording import counted
 
 #: 10 ms, the unit of D8180, in ticks.
 _TIMEOUT_UNIT = 720_000
+#: Frames of the master less far apart than this many of the shortest link scan have no scan in between.
+_ONE_SCAN = 1.5
 #: Outcomes of an attempt by its code.
 OUTCOMES = {
     0: "ok",
@@ -75,6 +77,8 @@ class LinkDecoder(Decoder):
         self._flagged: set[int] = set()
         self._scan: tuple[int, int, int] | None = None  # start, counter, attempts so far
         self._scan_failed: list[tuple[int, int]] = []
+        self._counters = line.counters  # link scans after which the counter begins again, as far as is known
+        self._shortest_scan = 0
         self._poll: OpenPoll | None = None
         self._attempt = 0
         self._code = codes.NO_REPLY
@@ -234,14 +238,19 @@ class LinkDecoder(Decoder):
     def _scan_begins(self, start: int, counter: int) -> None:
         """The master's data frame begins a scan; the one before has a time if their counters follow."""
         begun, before, attempts = self._scan or (start, counter, 0)
-        counters = self._line.counters
-        scans = (counter - before) % counters
-        if counters == 1:
+        if self._line.counters == 1:
             scans = 2 if self._missed else 1
             self._latest, self._missed, self._taken = 0, False, None
+        else:
+            if max(counter, before) >= self._counters:
+                self._counters = self._line.counters
+            if counter == 0 and start - begun < _ONE_SCAN * self._shortest_scan:
+                self._counters = before + 1  # no scan fits in between: so far this line counts
+            scans = (counter - before - 1) % self._counters + 1
         if self._scan is not None and scans != 1:
-            self.scans_unmeasured += scans or counters
+            self.scans_unmeasured += scans
         elif self._scan is not None:
+            self._shortest_scan = min(start - begun, self._shortest_scan or start - begun)
             self._sink.take(
                 ScanRecord(
                     self._bus,

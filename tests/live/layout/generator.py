@@ -191,6 +191,11 @@ def _plain(
     )
 
 
+def counted_to(counts: int) -> Made:
+    """The assumed layout with a counter that begins again after so many scans."""
+    return _plain(counter=lambda n: _h(n % counts, 1))
+
+
 def _low_first(data: bytes) -> bytes:
     return _text(b"".join(data[at : at + 2][::-1] for at in range(0, len(data), 2)))
 

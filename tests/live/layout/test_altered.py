@@ -16,7 +16,7 @@ from bussim.live.layout.silences import Polling, bursts, polling
 from bussim.live.layout.sums import KINDS
 from bussim.live.recordings.source import Chunk
 from bussim.units import TICKS_PER_SECOND
-from tests.live.layout.generator import ALTERED, Made, Truth, assumed, recorded
+from tests.live.layout.generator import ALTERED, Made, Truth, assumed, counted_to, recorded
 from tests.live.recordings.generator import Sent, Serial, nn_link, pcap, sigrok, wave
 from tests.live.recordings.reading import sniffed
 from tests.selection import quick
@@ -240,3 +240,21 @@ def test_the_guide_prints_the_layout_that_ships() -> None:
     guide = (Path(bussim.__file__).parent / "guide" / "wires.md").read_text(encoding="utf-8")
     assert shipped.split("\n", 3)[3] in guide
     assert [kind for kind in KINDS if f"`{kind}`" not in guide] == []
+
+
+@pytest.mark.parametrize("counts", [3, 10, 16])
+def test_scans_are_measured_wherever_the_counter_begins_again(
+    counts: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The counter has one digit; how far it counts is seen, and where a frame is missing that is told."""
+    truth = recorded(counted_to(counts), slaves=3, loss=0.03, seconds=10)
+    found = Line(tmp_path, truth, capsys).sniff()
+    assert found["layout"] is None
+    # Until a first short scan ends with 0 it cannot be known.
+    assert found["link"]["scans"] >= len(truth.scans) - 2
+    assert found["scans_unmeasured"] <= 2 * (17 - counts) * (counts < 16)
+    own = [index for index, (_, chars) in enumerate(truth.rows) if chars[:2] == b"\x020"]
+    del truth.rows[own[len(own) // 2]]
+    short = Line(tmp_path, truth, capsys).sniff()
+    assert short["link"]["scans"] == found["link"]["scans"] - 2
+    assert short["scans_unmeasured"] == found["scans_unmeasured"] + 2
