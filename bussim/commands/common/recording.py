@@ -140,9 +140,15 @@ def open_line(
     """
     from bussim.live.recordings.frames import TraceFile
     from bussim.live.recordings.open import open_recording
+    from bussim.live.recordings.sigrok import SigrokFile
+    from bussim.live.recordings.text import TextFile
     from bussim.live.sniff.line import find_line
 
     opened = open_recording(Path(source), bus=bus, channels=settings.channels)
+    if settings.inverted is not None and not isinstance(opened, SigrokFile):
+        raise UsageError(f"--invert and --no-invert are for sigrok sessions: {source} has no levels")
+    if settings.channels and isinstance(opened, TraceFile | TextFile):
+        raise UsageError(f"--channel is for sigrok sessions and packets: {source} has no channels")
     if progress is not None:
         opened.progress = progress
     name, names = bus or "line", dict[int, str]()

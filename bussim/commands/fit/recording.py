@@ -85,7 +85,7 @@ def fit(
     if line.misfit is not None:
         raise RunError(f"{source}: {line.misfit.text}; {_LAYOUT}")
     if protocol is None:
-        found = [*line.found.warnings.values(), *map(described, line.found.described), _HOW]
+        found = [*line.found.warnings.values(), *map(described, line.found.described)]
         raise RunError(f"{source}: " + "\n".join(found))
     sink = Collector(bus_of={line.names.get(0, station_name(0)): line.bus})
     listener = Listener(line.bus, timing, sink, protocol, decoders=_OBSERVERS, **line.listener_options())

@@ -144,9 +144,8 @@ def bus_scenario(found: BusEstimate, bus: str, *, name: str, duration: int, seed
             entry["at"] = format_time(max(0, poll.first - found.begin))
         hmi["polls"].append(entry)
     devices = [hmi] if hmi["polls"] else []
-    for slave in found.slaves:
-        if slave.station not in range(FIRST_STATION, LAST_STATION + 1):
-            continue
+    slaves = [each for each in found.slaves if FIRST_STATION <= each.station <= LAST_STATION]
+    for slave in slaves:
         device: dict[str, Any] = {
             "name": f"station{slave.station}",
             "model": "map",
@@ -159,8 +158,8 @@ def bus_scenario(found: BusEstimate, bus: str, *, name: str, duration: int, seed
         # A station that is asked for nothing that a map has is there nevertheless.
         device |= _items(held, slave.station) or {"registers": [{"address": 0, "count": 1, "value": 0}]}
         devices.append(device)
-    names = {slave.station: f"station{slave.station}" for slave in found.slaves} | {MASTER: "master"}
-    loss = {slave.station: slave.losses for slave in found.slaves if slave.delay is not None}
+    names = {slave.station: f"station{slave.station}" for slave in slaves} | {MASTER: "master"}
+    loss = {slave.station: slave.losses for slave in slaves if slave.delay is not None}
     return {
         "schema": 1,
         "name": name,
@@ -171,10 +170,7 @@ def bus_scenario(found: BusEstimate, bus: str, *, name: str, duration: int, seed
         "devices": devices,
         "noise": _noise(found.noise, bus, names, loss, found.recording),
         "faults": [
-            fault
-            for each in found.slaves
-            if each.delay is not None and each.station in range(FIRST_STATION, LAST_STATION + 1)
-            for fault in _outages(each.losses, names[each.station], duration)
+            fault for station, losses in loss.items() for fault in _outages(losses, names[station], duration)
         ],
     }
 
@@ -288,7 +284,8 @@ def _noise(
         noise.append({"bus": bus, "burst": burst, "measured": where})
     elif found.senders:
         for sender, rate in found.senders.items():
-            add(rate, "ber", station=name_of[sender], direction="tx")
+            if sender in name_of:
+                add(rate, "ber", station=name_of[sender], direction="tx")
     else:
         add(found.ber, "ber")
     add(master.ber, "ber", station=name_of[MASTER], direction="rx")

@@ -68,6 +68,8 @@ def command(
     target = None if propose is None else checked_target(Path(propose), (), force=force)
     with ExitStack() as stack:
         if not is_recording(source):
+            if settings.inverted is not None or settings.channels:
+                raise UsageError("--invert, --no-invert and --channel are for recordings: a port has neither")
             if target is not None:
                 raise UsageError(
                     "--propose takes a recording of a logic analyser: a port does not tell the silences"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter, defaultdict
 from typing import TYPE_CHECKING, Any
 
@@ -140,7 +141,7 @@ def to_json(
         "spikes": 0 if facts is None else facts.spikes,
         "bus_load": round(decoder.busy / duration, 6) if decoder is not None and duration else 0.0,
         "outcomes": {} if decoder is None else {k: n for k, n in sorted(decoder.outcomes.items()) if n},
-        "exchanges": {name: asked.to_json() for name, asked in sorted(tally.asked.items())},
+        "exchanges": {name: tally.asked[name].to_json() for name in sorted(tally.asked, key=_in_order)},
         "warnings": [{"code": code, "text": text} for code, text in warnings_of(listener, line).items()],
     }
     if misfit is not None:
@@ -163,10 +164,15 @@ def to_json(
     return found
 
 
+def _in_order(name: str) -> list[int | str]:
+    """A key by which station 2 comes before station 10."""
+    return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", name)]
+
+
 def _link(heard: Misfit | LinkDecoder, tally: Tally) -> dict[str, Any]:
     """What was heard of an N:N link, or of a polled line of another layout."""
     totals = heard.totals()
-    stations = sorted(tally.asked.items())
+    stations = [(name, tally.asked[name]) for name in sorted(tally.asked, key=_in_order)]
     return {
         "slaves": totals.slaves,
         "mode": totals.mode,
@@ -227,7 +233,9 @@ def show(found: dict[str, Any]) -> RenderableType:
 
     damaged = "unknown how many" if found["damaged"] is None else f"{found['damaged']:,}"
     lines = [
-        (found["protocol"] or ("polled" if found["layout"] else "not recognised"))
+        f"not recognised; {found['duration_s']:.1f} s"
+        if found["protocol"] is None and not found["layout"]
+        else (found["protocol"] or "polled")
         + (", layout not known" if found["layout"] else "")
         + (f", {found['baud']} bps {found['format']}" if found["baud"] else "")
         + (", inverted" if found["inverted"] else "")
@@ -285,6 +293,8 @@ def described(found: dict[str, Any]) -> str:
     parts = [f"channel {found['channel']}:" if found.get("channel") else "begins:"]
     if "edges" in found:
         parts.append(f"{counted(found['edges'], 'edge')};")
+    if not found.get("pieces"):
+        parts.append("no characters")
     if "baud" in found:
         wrong = ", ".join(f"{form} {share:.0%}" for form, share in found["wrong_share"].items())
         parts.append(

@@ -29,8 +29,9 @@ Request = tuple[int, int, int, int]
 class PollEstimate:
     """A request that recurs. ``every`` is the median distance of its turns in ticks.
 
-    A request seen once has the length of the recording. ``low`` and ``high`` hold nine tenths of the
-    distances; ``periodic``: its turns keep to a grid. ``retries`` are the master's, of all its requests.
+    Where that is 0 by the recording's clock it is the mean; a request seen once has the recording's length.
+    ``low`` and ``high`` hold nine tenths of the distances; ``periodic``: its turns keep to a grid.
+    ``retries`` are the master's, of all its requests.
     Times are None where none are known.
     """
 
@@ -197,8 +198,9 @@ def _grid(poll: _Poll) -> int | None:
 def _estimate(request: Request, poll: _Poll, span: int, attempts: int) -> PollEstimate:
     starts, grid = poll.starts, _grid(poll)
     apart = sorted(after - before for before, after in pairwise(starts))
-    low, high = (apart[len(apart) // 20], apart[-1 - len(apart) // 20]) if apart else (None, None)
-    every = max(1, grid or _every(poll) or span)
+    every = max(1, grid or _every(poll) or (round(mean(apart)) if apart else span))
+    low = min(every, apart[len(apart) // 20]) if apart else None
+    high = max(every, apart[-1 - len(apart) // 20]) if apart else None
     return PollEstimate(
         *request,
         len(starts),

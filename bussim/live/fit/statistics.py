@@ -28,8 +28,8 @@ class Estimate:
     count: int
 
     def widened(self, by: float) -> Estimate:
-        """The same with an interval that is longer at both ends, as times of a coarse clock need it."""
-        low = None if self.low is None else self.low - by
+        """The same of a time that is not below 0, its interval longer at both ends: its clock is coarse."""
+        low = None if self.low is None else max(min(0, self.value), self.low - by)
         return replace(self, low=low, high=None if self.high is None else self.high + by)
 
 

@@ -22,24 +22,27 @@ from bussim.live.arrival import PARITY, STOP
 from bussim.units import TICKS_PER_SECOND
 
 _DAY = 86_400 * TICKS_PER_SECOND
-_UNITS = {"s": 1, "ms": 1_000, "us": 1_000_000, "µs": 1_000_000}
+#: Units of times, and words for them in headings: how many are a second.
+_UNITS = {"s": 1, "ms": 1_000, **dict.fromkeys(("us", "µs", "μs"), 1_000_000), "ns": 1_000_000_000}
+_WORDS = {"毫秒": 1_000, "milli": 1_000, "微秒": 1_000_000, "micro": 1_000_000, "纳秒": 1_000_000_000}
 _HEX = "[0-9A-Fa-f]{2}"
 _SPACES = r"[\s,;]*"
 #: Words for directions, and whether they mean what is sent.
 _DIRECTIONS = {
-    **dict.fromkeys(("tx", "send", "req", ">", ">>>", "->"), 0),
-    **dict.fromkeys(("rx", "recv", "rsp", "<", "<<<", "<-"), 1),
+    **dict.fromkeys(("tx", "send", "req", ">", ">>>", "->", "发送", "发→◇", "发"), 0),
+    **dict.fromkeys(("rx", "recv", "rsp", "<", "<<<", "<-", "接收", "收←◆", "收"), 1),
 }
 _CLOCK = (
     r"(?:(?P<date>\d{4}[-/]\d\d[-/]\d\d)[T ])?(?P<clock>\d\d?:\d\d:\d\d)(?:[.,](?P<part>\d{1,18}))?"
     r"(?:\s?(?P<zone>Z|[+-]\d\d:?\d\d)(?!\S))?"
 )
 _NUMBER = (
-    r"(?P<seconds>\d{{1,12}})(?:[.{comma}](?P<fraction>\d{{1,18}}))?(?:\s?(?P<unit>s|ms|us|µs)(?![\w]))?"
+    r"(?P<seconds>\d{{1,12}})(?:[.{comma}](?P<fraction>\d{{1,18}}))?(?:\s?(?P<unit>s|ms|us|µs|μs)(?![\w]))?"
 )
 _REST = (
-    rf"(?(open)\])(?=[\s,;\[]|:\s):?{_SPACES}(?:\[(?!{_HEX}\])[^\]]*\]:?{_SPACES})*"
-    rf"(?:(?P<direction>tx|rx|send|recv|req|rsp|>>>|<<<|->|<-|>|<(?!{_HEX}>))(?![0-9A-Za-z])\s*(?::|->|<-)?{_SPACES})?"
+    rf"(?(open)\])(?=[\s,;\[发收]|:\s):?{_SPACES}(?:\[(?!{_HEX}\])[^\]]*\]:?{_SPACES})*"
+    rf"(?:(?P<direction>(?:tx|rx|send|recv|req|rsp|>>>|<<<|->|<-|>|<(?!{_HEX}>))(?![0-9A-Za-z])"
+    rf"|发送|接收|发→◇|收←◆|发|收)\s*(?::|：|->|<-)?{_SPACES})?"
     r"(?P<data>\S.*)"
 )
 _ROWS = {
@@ -157,8 +160,18 @@ def general(lines: Iterable[str], heading: str, *, decimal_comma: bool) -> Rows:
 
 def _unit_of(heading: str) -> int:
     """How many of the units of a column's name are a second: "time_ms" has 1000."""
-    found = re.search(r"(?<![a-z])(ms|us|µs)(?![a-z])", heading.lower())
-    return _UNITS[found[1]] if found else 1
+    found = re.search(r"(?<![a-z])(ms|us|µs|μs|ns)(?![a-z])|" + "|".join(_WORDS), heading.lower())
+    return (_UNITS | _WORDS)[found[0]] if found else 1
+
+
+def decimals(line: str, heading: str, decimal_comma: bool) -> int:  # noqa: FBT001 - a form of times
+    """Decimals of a line's time in seconds."""
+    found = _ROWS[decimal_comma].match(line.strip())
+    if found is None:
+        other = re.search(r"\d\.(\d+)", line)  # of a logger that is known by name
+        return len(other[1]) if other else 0
+    unit = _UNITS[found["unit"].lower()] if found["unit"] else _unit_of(heading)
+    return len(found["part"] or found["fraction"] or "") + (len(str(unit)) - 1 if found["seconds"] else 0)
 
 
 # -- Saleae Logic ----------------------------------------------------------------------------------------

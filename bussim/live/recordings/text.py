@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from codecs import getincrementaldecoder
 from collections.abc import Iterable, Iterator
 from itertools import islice
 from pathlib import Path
@@ -15,6 +16,8 @@ from bussim.live.recordings.rows import (
     Row,
     Rows,
     Unreadable,
+    bytes_of,
+    decimals,
     general,
     is_libmodbus,
     is_socat,
@@ -67,19 +70,31 @@ class TextFile(Source):
         )
         self.exact, self.tolerant = self._saleae, not self._libmodbus
         self.times = "none" if self._libmodbus else "exact" if self._saleae else "system"
-        first = self._rows(head, decimal_comma=False)
-        wires = {row.wire for row in first if isinstance(row, Row) and row.wire is not None}
+        first = [row for row in self._rows(head, decimal_comma=False) if isinstance(row, Row)]
+        wires = {row.wire for row in first if row.wire is not None}
         #: Wires of the line: one for each direction that is given.
         self.wires = 1 + max(wires) if len(wires) > 1 else 1
         #: Whether programs write directions.
         self.directions = self.wires > 1 and not self._saleae
-        self.resolution = TICKS_PER_SECOND // 10 ** min(9, max(map(_decimals, body), default=0))
+        ticks = [row.tick or 0 for row in first]
+        falling = ticks != sorted(ticks) or (len(ticks) > 1 and ticks[0] == ticks[-1])
+        if falling and self.times == "system" and all(bytes_of(line.strip()) for line in body):
+            raise RecordingError(f"{path}: its lines are bytes without times; readable are {FORMS}")
+        name = self._heading[0] if self._heading else ""
+        self._digits = [
+            max((decimals(row, name, comma) for row in body), default=0) for comma in (False, True)
+        ]
+        self.resolution = 0  # once it is known how times are written
 
     def _opened(self) -> TextIO:
         try:
             with self._path.open("rb") as file:
-                begin = file.read(3)
+                begin = file.read(65_536)
             encoding = next((name for bom, name in _BOMS.items() if begin.startswith(bom)), "utf-8")
+            try:
+                getincrementaldecoder(encoding)().decode(begin)
+            except UnicodeDecodeError:
+                encoding = "gb18030"  # what programs write in Chinese that do not write UTF-8
             return self._path.open(encoding=encoding, errors="replace")
         except OSError as error:
             raise RecordingError(f"{self._path} cannot be read: {error.strerror or error}") from error
@@ -96,6 +111,7 @@ class TextFile(Source):
     def chunks(self, setup: LineSetup) -> Iterator[Chunk]:
         """See the source of a recording. Raises RecordingError if most lines cannot be read."""
         self.facts = facts = Facts()
+        self.resolution = TICKS_PER_SECOND // 10 ** min(9, self._digits[setup.decimal_comma])
         arrivals, readable, lost = Arrivals(setup.timing), 0, False
         before: int | None = None
         base: int | None = None
@@ -176,9 +192,3 @@ def _heading(line: str) -> list[str]:
     if text[:1] in "[<>" or any(map(str.isdigit, _SEPARATOR.split(text)[0])):
         return []
     return [name.strip(' "') for name in re.split(r"[,;\t]", text)]
-
-
-def _decimals(line: str) -> int:
-    """Decimals of a time in seconds, as far as a line's first number has any."""
-    found = re.search(r"\d[.,](\d+)\s?(ms|us|µs)?", line)
-    return len(found[1]) + {"ms": 3, "us": 6, "µs": 6}.get(found[2], 0) if found else 0

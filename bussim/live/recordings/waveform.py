@@ -37,7 +37,7 @@ class Measured(NamedTuple):
     """What the edges of a channel show: bits a second (``standard``: by its name) and the level of pauses.
 
     ``fits``: the distances of edges are whole numbers of bits; else the rate is the likeliest of none.
-    ``inverted`` is None where there is no pause.
+    ``inverted`` is None where there is no pause, or most pauses have one level, most of their time the other.
     """
 
     baud: int
@@ -66,8 +66,10 @@ def measure(edges: np.ndarray, rate: int, samples: int) -> Measured | None:
     standard = abs(near / measured - 1) <= _CLOSE
     levels = (1 + np.arange(len(edges) + 1)) & 1  # before the first edge, …, behind the last
     lasted = np.diff(edges, prepend=0, append=samples)
-    pauses = levels[lasted > _PAUSE * bits[0]]
-    inverted = None if not len(pauses) else bool(2 * pauses.sum() < len(pauses))
+    pauses = lasted > _PAUSE * bits[0]
+    high = pauses & (levels == 1)
+    votes = {bool(2 * high.sum() < pauses.sum()), bool(2 * lasted[high].sum() < lasted[pauses].sum())}
+    inverted = votes.pop() if pauses.any() and len(votes) == 1 else None
     return Measured(near if standard else round(measured), standard, inverted, fits)
 
 

@@ -22,6 +22,7 @@ from bussim.live.recordings.waveform import STANDARD
 from bussim.live.sniff.channels import Channels
 from bussim.live.sniff.heard import LineProtocol
 from bussim.live.sniff.reading import SHOWN_CHARS, Reading, Score, Settings, pieces_of, read
+from bussim.wording import counted
 
 #: Characters by which a line is found; where they decide nothing, so many.
 _EXAMINED, _AT_MOST = 8_000, 200_000
@@ -59,9 +60,11 @@ def find_line(source: Source, settings: Settings, tolerance: int) -> FoundLine:
     unrestricted = Settings(
         baud=None if channels is not None else settings.baud, echo=settings.echo, layout=settings.layout
     )
-    if settings != unrestricted and 2 * best.score.sound_characters <= best.score.characters:
+    score = best.score
+    if settings != unrestricted and (2 * score.sound_characters <= score.characters or not score.responses):
         other = best_of(unrestricted)
-        better = best.score.sound_characters * 2 < other.score.sound_characters
+        better = 2 * score.sound_characters < other.score.sound_characters
+        better = better or score.responses == 0 < other.score.responses
         suggested = other if better and other.score.recognised else None
     if not best.score.recognised and settings.protocol is None:
         best = Reading(best.setup, suggested.protocol if suggested is not None else None, best.score)
@@ -70,7 +73,10 @@ def find_line(source: Source, settings: Settings, tolerance: int) -> FoundLine:
     warnings = dict(_warnings(source, settings, best, suggested))
     described: list[dict[str, Any]] = []
     if not best.score.recognised and suggested is None:
-        warnings["not_recognised"] = "no protocol is recognised in it"
+        warnings["not_recognised"] = (
+            "no protocol is recognised in it; rate and format are set by -b, -d, -P and -s, the protocol by "
+            "--protocol, the wire by --channel"
+        )
         described = channels.described() if channels is not None else [_begins(source, best)]
     elif channels is not None and not settings.baud and best.setup.timing.baud not in STANDARD:
         warnings["rate"] = f"{best.setup.timing.baud} bps is not a standard rate"
@@ -89,8 +95,10 @@ def _warnings(
         yield (
             "wrong_line_settings",
             (
-                f"with these settings {best.score.sound_characters:,} characters are in sound frames; "
-                f"{suggested.score.sound_characters:,} are at {setup.timing.baud} bps {setup.timing.format}"
+                f"with these settings {best.score.sound_characters:,} characters are in sound frames, with "
+                f"{counted(best.score.responses, 'reply')}; {suggested.score.sound_characters:,}, with "
+                f"{counted(suggested.score.responses, 'reply')}, are at "
+                f"{setup.timing.baud} bps {setup.timing.format}"
                 + (", inverted" if setup.inverted else "")
                 + (f", channel {', '.join(setup.channels)}" if setup.channels else "")
                 + (f" as {suggested.protocol}" if suggested.protocol is not best.protocol else "")

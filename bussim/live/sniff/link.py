@@ -294,13 +294,12 @@ class LinkDecoder(Decoder):
         else:
             mode = next((n for n, block in enumerate(MODES) if block.size == self._block), None)
         attempts = self.most_attempts or 1
+        timeout: int | None = None
         if settings:
             timeout = settings.timeout * _TIMEOUT_UNIT
         elif self.shortest_wait is not None:
             waited = self.shortest_wait - (self._shortest_gap or 0)
             timeout = round(waited / _TIMEOUT_UNIT) * _TIMEOUT_UNIT
-        else:
-            timeout = 0
         names = {station: self._names[station] for station in range(slaves + 1)}
         return LinkTotals(
             bus=self._bus,
