@@ -37,8 +37,8 @@ def warnings_of(listener: Listener | None, line: OpenLine | None) -> dict[str, s
     resolution = 0 if line is None or line.source.times != "system" else line.source.resolution
     if resolution > TICKS_PER_MS and decoder.frames > 1:
         found["coarse_times"] = (
-            f"times are known to {milliseconds(resolution):g} ms, and what is told of them no better; if they "
-            "are numbers of lines there are none"
+            f"times are known to {milliseconds(resolution):g} ms, and what is told of them no better; if "
+            "they are numbers of lines there are none"
         )
     if line is None or line.found.suggested is None:
         found |= _one_sided(listener)
