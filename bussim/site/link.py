@@ -77,12 +77,14 @@ class SiteLink:
     """One link on site. Times in ticks.
 
     ``attempts`` is what D8179 means; of a profile whose calibration left that open the caller takes both.
+    ``shown`` is the least look at D8201, in its unit, None without any.
     """
 
     profile: SiteProfile
     settings: Settings
     names: tuple[str, ...]
     attempts: Attempts | None = None
+    shown: int | None = None
 
     @classmethod
     def of(cls, readout: Readout, attempts: Attempts | None = None) -> SiteLink:
@@ -93,7 +95,8 @@ class SiteLink:
             names.append(plc_name(station.place, number) if station is not None else f"station_{number}")
         if len({*names}) < len(names):
             names = [f"{name}_{number}" for number, name in enumerate(names)]
-        return cls(readout.profile, readout.settings, tuple(names), attempts)
+        looks = [look for station in readout.stations for look in station.after.looks if look]
+        return cls(readout.profile, readout.settings, tuple(names), attempts, min(looks, default=None))
 
     def scenario(self, noise: SteadyNoise) -> Scenario:
         """The link as a scenario, disturbed by some noise."""
@@ -119,9 +122,19 @@ class SiteLink:
 
     @cached_property
     def healthy(self) -> float:
-        """The mean of a scan without failed attempts."""
+        """The mean of a scan without failed attempts; what was seen, where that is less than the law has."""
+        return self.lawful if self.fits else float(self.shown or 0) * self.model.unit
+
+    @cached_property
+    def lawful(self) -> float:
+        """The same by the profile; where replies wait for END, the longest."""
         model = self.model
         return model.base + sum(model.replied(station) + station.average for station in model.stations)
+
+    @property
+    def fits(self) -> bool:
+        """Whether no scan was seen that is shorter than the law allows."""
+        return self.shown is None or self.shown >= self.units(self.lawful) - 2
 
     @property
     def slot(self) -> float:

@@ -135,6 +135,17 @@ def test_where_failures_may_come_together_lower_limits_allow_for_it(tmp_path: Pa
     assert steady.low == pytest.approx((poisson_mean(38)[0] / 18_000) ** 0.25, rel=0.08)
 
 
+def test_scans_shorter_than_the_law_allows_are_said_and_counted_with(tmp_path: Path) -> None:
+    """With mode 4 entered a scan takes 167 ms, and 67 were seen: D8202 = 67 bounds nothing."""
+    data = healthy()
+    data["settings"]["mode"] = 4
+    found = of(data, tmp_path)
+    assert found.measured.scans[1] == pytest.approx(20 * 60 / 0.067, rel=0.01)
+    assert found.measured.named("X") == []
+    assert "scans of 67 were seen" in " ".join(found.unknown)
+    assert found.fails[1].high == pytest.approx(0.11, rel=0.1)
+
+
 def test_what_cannot_be_known_is_said_with_what_would_tell(tmp_path: Path) -> None:
     data = healthy()
     data["stations"] = data["stations"][:1]

@@ -9,6 +9,7 @@ import click
 
 from bussim.commands.common.output import checked_target, print_json, write_text
 from bussim.errors import UsageError
+from bussim.site.paper import LANGUAGES, form_page
 
 if TYPE_CHECKING:
     from bussim.site.readout import Calibration, Readout
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("file", metavar="[FILE]", required=False)
-@click.option("--form", type=click.Choice(["en", "zh"]), help="Print the form to fill in by hand, as HTML.")
+@click.option("--form", type=click.Choice(LANGUAGES), help="Print the form to fill in by hand, as HTML.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 @click.option("--plan", "planned", is_flag=True, help="Say how long to watch with which reading.")
 @click.option("-o", "out", metavar="FILE", help="Of a calibration: where to write the profile.")
@@ -30,7 +31,6 @@ def command(
     decide its profile.
     """
     from bussim.site.file import load
-    from bussim.site.paper import form_page
     from bussim.site.readout import Readout
 
     if (file is None) == (form is None):

@@ -225,8 +225,8 @@ def _silent_share(link: SiteLink, failing: float, long: float) -> float:
 def _longest(witness: Witness, found: Measured) -> Iterable[Lens]:
     """X: the least D8202 of all stations, which bounds and does not measure; for both kinds of failure."""
     longest, link = witness.least_longest, found.link
-    if longest is None:
-        return
+    if longest is None or not link.fits:
+        return  # a law that does not hold bounds nothing
     edge, slaves = (longest + 0.5) * link.model.unit, link.settings.slaves
     tail = 1 - _ONE_SIDED ** (1 / found.scans[0])
 

@@ -92,7 +92,8 @@ def picture(readout: Readout, link: SiteLink) -> Picture:
     failing = [each.failed for each in least]
     if bursts != "not seen":
         failing = [min(each, _least_in_bursts(found)) for each in failing]
-    fails = {k: _fails(found, k, failing, middle[k - 1].failed, bursts) for k in numbers}
+    ends = [(each.failed, two.failed) for each, two in zip(middle, most, strict=True)]
+    fails = {k: _fails(found, k, failing, ends[k - 1], bursts) for k in numbers}
     unexplained = []
     senders, lost = {}, {}
     for k in numbers:
@@ -120,10 +121,10 @@ def picture(readout: Readout, link: SiteLink) -> Picture:
             lost |= {k: lost.get(k, 0.0) + more for k in rest}
     noise = SteadyNoise(value.wire, value.receivers, senders, lost)
     left = {k: 1 - (1 - each.high) / (1 - most[k - 1].failed) for k, each in fails.items()}
-    ends = link.attempt(noise)
+    by_noise = link.attempt(noise)
     for k, each in fails.items():
         if bursts != "seen" and not (each.lens == "M" and each.low > 0):
-            fails[k] = replace(each, value=min(max(ends[k - 1].failed, each.low), each.high))
+            fails[k] = replace(each, value=min(max(by_noise[k - 1].failed, each.low), each.high))
     limits = {j: lens.high for j, lens in own.items() if lens.count}
     upper = SteadyNoise(
         wire[2], limits, {}, {k: min(0.99, share) for k, share in left.items() if share > 1e-9}
@@ -157,11 +158,12 @@ def _least_in_bursts(found: Measured) -> float:
     return min(rates, default=0.0)
 
 
-def _fails(found: Measured, k: int, least: list[float], middle: float, bursts: str) -> Fails:
+def _fails(found: Measured, k: int, least: list[float], damage: tuple[float, float], bursts: str) -> Fails:
     """The probability of a failed attempt: at least the damage that slaves tell, at most any cause's.
 
     Only where failures come one by one is p^n the probability that all attempts of an exchange fail; where
-    they come together that is likelier, up to p itself, and D8202 and the ladder bound nothing.
+    they come together that is likelier, up to p itself, and D8202 and the ladder bound nothing. ``damage``
+    are the likeliest and the greatest value by the slaves' counts.
     """
     lens, ladder, link = found.of("M", k), found.of("E", None), found.link
     if lens is not None and lens.count:
@@ -178,9 +180,10 @@ def _fails(found: Measured, k: int, least: list[float], middle: float, bursts: s
         others = sum(each for j, each in enumerate(least, 1) if j != k)
         limits["E"] = max(0.0, -log(1 - ladder.high) - others)
     name = min(limits, key=lambda one: limits[one], default="")
-    high = max(limits.get(name, 1.0), least[k - 1])
-    value = min(max(middle, least[k - 1]), high)
-    return Fails(value, min(least[k - 1], high), high, f"S and {name}" if middle else name)
+    # A limit below what the slaves count contradicts them: both cannot be of one law.
+    high = limits.get(name, 1.0) if limits.get(name, 1.0) >= least[k - 1] else max(damage[1], least[k - 1])
+    value = min(max(damage[0], least[k - 1]), high)
+    return Fails(value, min(least[k - 1], high), high, f"S and {name}" if damage[0] else name)
 
 
 def _silent(readout: Readout, found: Measured, k: int) -> bool:
@@ -240,6 +243,11 @@ def _unknown(readout: Readout, found: Measured, bursts: str, *, lost_anywhere: b
     """What these readings cannot tell, each with the reading that would."""
     link, master = found.link, readout.at(0)
     texts = []
+    if not link.fits:
+        texts.append(
+            f"limits by D8202: scans of {link.shown} were seen, by profile and settings they take "
+            f"{link.units(link.lawful):.0f}; these are not this machine's, or replies wait less for END"
+        )
     if not found.named("S"):
         texts.append(
             "lost or damaged, and where: no slave was read (D8203 tells of the wire, others of receivers)"
