@@ -86,18 +86,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "names", nargs="*", metavar="NAME", help=f"of {', '.join(TARGETS)}; none: each of them"
     )
-    parser.add_argument("--inputs", type=int, help="inputs of each (1,000,000 of named ones, else 10,000)")
+    parser.add_argument(
+        "--inputs", type=int, help="inputs of each (1,000,000 of named ones, else mostly 10,000)"
+    )
     parser.add_argument("--seconds", type=float, default=3600.0, help="at most so long for each (3600)")
     parser.add_argument("--seed", type=int, default=1, help="other inputs (1)")
     given = parser.parse_args(arguments)
     if unknown := set(given.names) - set(TARGETS):
         parser.error(f"no target {', '.join(sorted(unknown))}; allowed are {', '.join(TARGETS)}")
-    inputs = given.inputs or (1_000_000 if given.names else 10_000)
-    run = partial(fuzz, inputs=inputs, seconds=given.seconds, seed=given.seed)
+    names = given.names or list(TARGETS)
+    inputs = [given.inputs or (1_000_000 if given.names else TARGETS[name].inputs) for name in names]
+    run = partial(fuzz, seconds=given.seconds, seed=given.seed)
     CORPUS.mkdir(exist_ok=True)
     faults = 0
     with ProcessPoolExecutor(os.cpu_count()) as pool:
-        for outcome in pool.map(run, given.names or TARGETS):
+        for outcome in pool.map(run, names, inputs):
             print(outcome, flush=True)  # noqa: T201 - it is a program
             faults += outcome.fault is not None
     return int(faults > 0)

@@ -5,12 +5,13 @@ A check raises BussimError where the reader refuses an input in words; anything 
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
+import shutil
 import tempfile
 import zipfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from random import Random
@@ -18,6 +19,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
+from bussim.cli import main
 from bussim.engines.contract import RxChar
 from bussim.engines.modbus.adu import Adu, Mode, encode_adu
 from bussim.engines.modbus.framing import Framing
@@ -47,6 +49,7 @@ from tests.engines.nn import independent
 from tests.fuzz.mutations import changed, changed_value, text_of
 from tests.plc.program.test_exports import JUMPS, LINK, START_STOP
 from tests.site.examples import healthy
+from tests.undrawn import undrawn
 
 ROOT = Path(__file__).parents[2]
 FILES = ROOT / "tests" / "live" / "recordings" / "files"
@@ -61,9 +64,10 @@ class Target(NamedTuple):
     seeds: Callable[[], list[bytes]]
     check: Callable[[bytes], object]
     mutated: Mutation = changed
+    inputs: int = 10_000  # of each run of all targets
 
 
-@contextmanager
+@contextlib.contextmanager
 def stored(data: bytes, name: str) -> Iterator[Path]:
     """A file with these bytes in a folder of its own."""
     with tempfile.TemporaryDirectory(prefix="bussim-fuzz-") as folder:
@@ -155,8 +159,11 @@ def _program_mutated(random: Random, seed: bytes, seeds: list[bytes]) -> bytes:
 # -- folders of runs -------------------------------------------------------------------------------
 
 
+_STORED = ("barcode_reader", "interlock", "nn_with_modbus")
+
+
 def _summary_seeds() -> list[bytes]:
-    runs = [STORED / name for name in ("barcode_reader", "interlock", "nn_with_modbus")]
+    runs = [STORED / name for name in _STORED]
     return [
         text_of([json.loads((run / f"{name}.json").read_bytes()) for name in ("summary", "histograms")])
         for run in runs
@@ -172,6 +179,16 @@ def _json_mutated(random: Random, seed: bytes, seeds: list[bytes]) -> bytes:
         return changed(random, seed, seeds)
 
 
+def _write_summary(data: bytes, folder: Path) -> None:
+    """Make the files of a summary and histograms in a list."""
+    try:
+        parts = [text_of(part) for part in json.loads(data)]
+    except (ValueError, TypeError, RecursionError):
+        parts = [data]
+    for name, part in zip(("summary.json", "histograms.json"), (*parts, data, data)[:2], strict=True):
+        (folder / name).write_bytes(part)
+
+
 def _summary(data: bytes) -> None:
     """A summary and histograms, in a list: what is read is shown, too."""
     from rich.console import Console
@@ -179,12 +196,7 @@ def _summary(data: bytes) -> None:
     from bussim.results.text.run import show_result
 
     with tempfile.TemporaryDirectory(prefix="bussim-fuzz-") as folder:
-        try:
-            parts = [text_of(part) for part in json.loads(data)]
-        except (ValueError, TypeError, RecursionError):
-            parts = [data]
-        for name, part in zip(("summary.json", "histograms.json"), (*parts, data, data)[:2], strict=True):
-            (Path(folder) / name).write_bytes(part)
+        _write_summary(data, Path(folder))
         record = load_run(Path(folder))
         out = io.StringIO()
         show_result(Console(file=out, width=100), record, {})
@@ -194,7 +206,7 @@ def _summary(data: bytes) -> None:
 def _trace_seeds() -> list[bytes]:
     """The header and lines of every type, few of each."""
     seeds = []
-    for name in ("barcode_reader", "interlock", "nn_with_modbus"):
+    for name in _STORED:
         header, *lines = (STORED / name / "trace.jsonl").read_bytes().splitlines()
         kinds: dict[str, list[bytes]] = {}
         for line in lines:
@@ -218,6 +230,33 @@ def _trace(data: bytes) -> None:
             pass
         fmt = ("pcapng", "vcd", "perfetto", "csv", "sr")[len(data) % 5]
         export_trace(trace, path.with_name(f"x{FORMATS[fmt].ending}"), fmt)
+
+
+_TRACED = ("report", "timeline", "export", "sniff", "fit")
+
+
+def _commands(data: bytes) -> None:
+    """A command ends with a code of its own whatever is in a run's folder; its pictures are not drawn."""
+    name = next((name for name in _STORED if name.encode() in data[:4000]), _STORED[-1])
+    with tempfile.TemporaryDirectory(prefix="bussim-fuzz-") as place, undrawn():
+        folder = Path(place) / "run"
+        shutil.copytree(STORED / name, folder)
+        if data[:1] == b"[":
+            _write_summary(data, folder)
+        else:
+            (folder / "trace.jsonl").write_bytes(data)
+        word = (*_TRACED, "plot")[len(data) % 6] if data[:1] == b"[" else _TRACED[len(data) % 5]
+        more = {
+            "report": ["-o", f"{place}/x.html"],
+            "export": ["--to", "pcapng"],
+            "fit": ["-o", f"{place}/x.yaml"],
+        }
+        out, said = io.StringIO(), io.StringIO()
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(said):
+            code = main([word, str(folder), *more.get(word, [])])
+        assert code in (0, 1, 2)
+        assert (code == 0) or said.getvalue().strip()
+        assert "\x1b[31m" not in out.getvalue() + said.getvalue()
 
 
 # -- recordings ------------------------------------------------------------------------------------
@@ -377,6 +416,14 @@ TARGETS: dict[str, Target] = {
     "export": Target(_export_seeds, _export, _program_mutated),
     "summary": Target(_summary_seeds, _summary, _json_mutated),
     "trace": Target(_trace_seeds, _trace, _trace_mutated),
+    "commands": Target(
+        lambda: [*_summary_seeds(), *_trace_seeds()],
+        _commands,
+        lambda random, seed, seeds: (_json_mutated if seed[:1] == b"[" else _trace_mutated)(
+            random, seed, seeds
+        ),
+        inputs=200,
+    ),
     "text": Target(_text_seeds, _recording("x.txt")),
     "packets": Target(_packet_seeds, _recording("x.pcapng")),
     "sigrok": Target(_session_seeds, _recording("x.sr"), _session_mutated),

@@ -16,8 +16,9 @@ from tests.fuzz.targets import TARGETS, Target
 @pytest.mark.parametrize("name", TARGETS)
 def test_first_inputs(name: str) -> None:
     kept = len(list((program.CORPUS / name).glob("*")))
-    outcome = program.fuzz(name, kept + 40, 3600, 0)
-    assert (outcome.fault, outcome.inputs) == (None, kept + 40)
+    inputs = kept + len(TARGETS[name].seeds()) + (4 if name == "commands" else 20)
+    outcome = program.fuzz(name, inputs, 3600, 0)
+    assert (outcome.fault, outcome.inputs) == (None, inputs)
 
 
 def test_a_fault_is_kept_and_tried_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
