@@ -28,7 +28,7 @@ COMMANDS: dict[str, list[str]] = {
     "exact": ["exact", "eight_stations_mode2", "--plot", "--out", "OUT.png"],
     "size": ["size", "press_line", "--out", "OUT"],
     "watch": ["watch", "interlock", "--devices", "press1.D8201", "--csv", "OUT.csv"],
-    "sweep": ["sweep", *LONG[:2], "30m", "--vary", "seed=1:40:1", "--workers", "2", "--out", "OUT"],
+    "sweep": ["sweep", *LONG, "--vary", "seed=1,2,3,4", "--workers", "2", "--out", "OUT"],
     "new": ["new", "-o", "OUT.yaml"],
     "scenarios": ["scenarios", "two_stations", "--copy", "OUT.yaml"],
     "plot": ["plot", "A", "--out", "OUT"],
