@@ -22,6 +22,7 @@ from bussim.scenario.build.trace_header import trace_header
 from bussim.scenario.rules.buses import NO_MASTER
 from bussim.serve.bridge import Bridge
 from bussim.serve.external_lines import ExternalLinkBus, ExternalSerialBus
+from bussim.serve.late_responses import LateResponses
 from bussim.serve.loop import RealTime
 from bussim.serve.targets import DIVISIBLE, Target
 from bussim.sim.kernel import Kernel
@@ -30,7 +31,15 @@ from bussim.sim.nn.reporter import LinkReporter
 from bussim.sim.notes import Notes
 from bussim.sim.runner import Lines, Simulation
 from bussim.sim.serial.bus import SerialBus
-from bussim.trace.records import Outcome, RunTotals, Sink, TraceBus, TraceHeader
+from bussim.trace.records import (
+    Outcome,
+    Record,
+    RunTotals,
+    Sink,
+    TraceBus,
+    TraceHeader,
+    TransactionRecord,
+)
 from bussim.units import TICKS_PER_MS, format_ms, milliseconds, seconds
 from bussim.wording import counted
 
@@ -96,6 +105,13 @@ class _SimulatedOnly(Collector):
     """
 
     here: frozenset[str] = frozenset()
+    late: LateResponses
+
+    def take(self, record: Record) -> None:
+        """See the base class."""
+        if isinstance(record, TransactionRecord):
+            self.late.note(record)
+        super().take(record)
 
     def links(self, totals: RunTotals) -> dict[str, LinkRecord]:
         """See the base class."""
@@ -164,6 +180,7 @@ class Session:
         led_out = {bus for plc, bus in linked if external.line_of(plc.name) is not None}
         numbers = {plc.name: plc.registers.get("D8176", 0) for plc, bus in linked if bus not in led_out}
         self.collector = _SimulatedOnly(traced=traced, rows=rows, bus_of=bus_of, numbers=numbers)
+        self.collector.late = LateResponses(frozenset(target.name for target in targets))
         self.simulation = Simulation(self.scenario, self.collector, external)
         self.collector.here = frozenset(self.simulation.nodes)
         self.bridges = tuple(external.bridges)
@@ -253,7 +270,7 @@ class Session:
         return self._totals
 
     def _warnings(self) -> list[str]:
-        warnings = []
+        warnings = self.collector.late.warnings()
         for target, wire in zip(self.targets, self.wires, strict=True):
             warnings.append(f"{target.name} leads to {target.url}: its times are the operating system's")
             if wire.instant and not wire.options.paced:

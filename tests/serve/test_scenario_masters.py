@@ -90,3 +90,30 @@ def test_an_hmi_polls_a_pymodbus_server_and_writes_once(mode: Mode) -> None:
     assert rows.outcomes["values"] == {"ok"}
     assert rows.outcomes["set"] == {"ok"}
     assert carried.count(b":01100") if mode is Mode.ASCII else carried.count(b"\x01\x10\x00\x1e") == 1
+
+
+LATE = f"""{HEAD}
+buses: [{{name: panel, baud: 115200, format: 8N1}}]
+devices:
+  - name: screen
+    model: hmi
+    bus: panel
+    timeout: 100 ms
+    polls:
+      - {{name: a, station: 1, function: 3, address: 0, count: 1}}
+      - {{name: b, station: 1, function: 3, address: 1, count: 1}}
+plcs: [{{name: plc, scan: 3 ms}}]
+"""
+
+
+@pytest.mark.parametrize(("delay", "warned"), [(0.0, False), (0.14, True)])
+def test_a_master_that_may_have_taken_a_late_response_is_warned_of(delay: float, warned: bool) -> None:
+    rows = Outcomes()
+    with (
+        PymodbusServer(Mode.RTU, REGISTERS, COILS, [delay]) as server,
+        Serving(LATE, ports=(f"screen={server.device}",), rows=rows) as serving,
+    ):
+        serving.wait_for(lambda: rows.count >= 4)
+    warnings = [text for text in serving.totals().warnings if "cannot tell" in text]
+    assert bool(warnings) is warned
+    assert all(text.startswith("screen took ") for text in warnings)
