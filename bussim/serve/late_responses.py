@@ -39,10 +39,13 @@ class LateResponses:
 
     def warnings(self) -> list[str]:
         """A sentence for each master that took such responses."""
-        return [
-            f"{master} took {counted(count, 'response')} within a second after a request of the same form that "
-            f"got none, the first at {seconds(first.end):.3f} s, "
-            f"{format_ms(first.end - (earlier.asked or 0))} after that request: it may be the response to it, and "
-            "each that followed the response to the request before. A PLC's port cannot tell; a longer timeout can"
-            for master, (count, first, earlier) in self._found.items()
-        ]
+        sentences = []
+        for master, (count, first, earlier) in self._found.items():
+            after = format_ms(first.end - (earlier.asked or 0))
+            sentences.append(
+                f"{master} took {counted(count, 'response')} within a second after a request of the same form "
+                f"that got none, the first at {seconds(first.end):.3f} s, {after} after that request: it may be "
+                "the response to it, and each that followed the response to the request before. A PLC's port "
+                "cannot tell; a longer timeout can"
+            )
+        return sentences
