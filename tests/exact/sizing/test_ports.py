@@ -84,6 +84,10 @@ def test_an_interval_is_what_the_slaves_need() -> None:
     scenario = serial_bus([station(), device("pump", "v80", 2), hmi("panel", *polls, interval=0)])
     best = sized(scenario).recommended
     assert best is not None
+    assert best.interval == 5 * MS  # a port's default, unless a goal needs less
+    faster = (best.cycle or 0) // MS
+    best = sized(scenario, f"cycle<={faster}ms").recommended
+    assert best is not None
     assert best.interval == 2 * MS  # 1.04 ms, in whole ms
     ran = bussim.run(with_port_setting(scenario, "panel", best.timeout, 0, best.interval), rows=False)
     assert ran.summary["devices"]["panel"]["timeouts"] == 0

@@ -59,16 +59,11 @@ def top_of_step(model: PollListModel, timeout: int) -> int:
     return timeout
 
 
-def interval_for(model: PollListModel) -> int:
-    """The least interval that all slaves understand, or 5 ms, a port's default, where that costs no more."""
+def intervals(model: PollListModel) -> tuple[int, ...]:
+    """Intervals in the order of trial: a port's default of 5 ms, and the least that all slaves understand."""
     unit = TICKS_PER_MS if model.words is None else INTERVAL_UNIT
     least = max(1, -(-model.silence // unit)) * unit  # 0 in the word of a port stands for 5 ms
-
-    def cost(interval: int) -> int:
-        timing = model.master_timing.with_interval(interval)
-        return sum(timing.turn(poll.need).most for poll in model.polls)
-
-    return DEFAULT_INTERVAL if least <= DEFAULT_INTERVAL and cost(DEFAULT_INTERVAL) <= cost(least) else least
+    return (DEFAULT_INTERVAL, least) if least < DEFAULT_INTERVAL else (least,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,16 +166,3 @@ def setting_of(model: PollListModel, timeout: int, retries: int, interval: int) 
 def at_level(poll: PollModel, ber: float) -> PollModel:
     """A poll on a line with this bit error rate instead of its noise."""
     return replace(poll, hits=((poll.bits, ber),), loss=0.0)
-
-
-def scaled(model: PollListModel, factor: float) -> PollListModel:
-    """A poll list with all chances of its noise so many times as great."""
-    polls = tuple(
-        replace(
-            poll,
-            hits=tuple((bits, min(0.5, rate * factor)) for bits, rate in poll.hits),
-            loss=min(1.0, poll.loss * factor),
-        )
-        for poll in model.polls
-    )
-    return replace(model, polls=polls)

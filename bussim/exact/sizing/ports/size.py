@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import combinations
+from itertools import combinations, product
 
 from bussim.exact.polls.from_scenario import poll_lists
 from bussim.exact.polls.poll_list import PollListModel
@@ -14,7 +14,7 @@ from bussim.exact.sizing.goals import Goals
 from bussim.exact.sizing.ports.setting import (
     MOST_UNITS,
     PortSetting,
-    interval_for,
+    intervals,
     least_timeout,
     setting_of,
     timeout_unit,
@@ -73,10 +73,6 @@ class PortSizing:
         """Whether the list can be sized."""
         return not self.reasons
 
-    def names(self) -> tuple[str, ...]:
-        """The goals that there are of a poll list."""
-        return self.goals.of_ports()
-
     def mov_lines(self) -> list[str]:
         """Instructions that set the words of a PLC's port, with what they mean behind a semicolon."""
         best, words = self.recommended, self.model.words
@@ -96,9 +92,11 @@ class PortSizing:
         longest = max((poll.request for poll in self.model.polls), default=0)
         timeout = math.ceil((best.timeout + longest) / TICKS_PER_MS) / 1000
         fmt = timing.format
+        framer = ", framer=FramerType.ASCII" if self.model.protocol.endswith("ascii") else ""
         return (
             f"ModbusSerialClient(port, baudrate={timing.baud}, bytesize={fmt.data_bits}, "
-            f"parity='{fmt.parity}', stopbits={fmt.stop_bits}, timeout={timeout:g}, retries={best.retries})"
+            f"parity='{fmt.parity}', stopbits={fmt.stop_bits}, "
+            f"timeout={timeout:g}, retries={best.retries}{framer})"
         )
 
     def margin(self) -> str:
@@ -130,7 +128,7 @@ class PortSizing:
 
 
 def size_ports(scenario: Scenario, goals: Goals) -> dict[str, PortSizing]:
-    """Size every poll list of a scenario; faults are left out, but what makes slaves slow.
+    """Size every Modbus poll list of a scenario; faults are left out, but what makes slaves slow.
 
     What the ports have as timeout, retries and interval does not matter.
     """
@@ -141,7 +139,11 @@ def size_ports(scenario: Scenario, goals: Goals) -> dict[str, PortSizing]:
         return poll_lists(scenario, sized=True, baud=baud, join=join).get(node)
 
     lists = poll_lists(scenario, sized=True)
-    return {node: _size(model, goals, partial(changed, node)) for node, model in lists.items()}
+    return {
+        node: _size(model, goals, partial(changed, node))
+        for node, model in lists.items()
+        if model.protocol != "free"
+    }
 
 
 #: A poll list at another rate or with joined reads, None where there is none.
@@ -180,11 +182,10 @@ def _size(model: PollListModel, goals: Goals, changed: _Changed) -> PortSizing:
 
 def _settings(model: PollListModel) -> Iterator[PortSetting]:
     """The settings that may be recommended, the cheapest first: no response is too late in any of them."""
-    least, interval = least_timeout(model), interval_for(model)
+    least = least_timeout(model)
     timeouts = dict.fromkeys((top_of_step(model, least), least))
-    for retries in range(MOST_RETRIES + 1):
-        for timeout in timeouts:
-            yield setting_of(model, timeout, retries, interval)
+    for interval, retries, timeout in product(intervals(model), range(MOST_RETRIES + 1), timeouts):
+        yield setting_of(model, timeout, retries, interval)
 
 
 def _meets(setting: PortSetting, goals: Goals, names: tuple[str, ...]) -> bool:
@@ -197,7 +198,8 @@ def _least(tried: list[PortSetting], goals: Goals) -> PortSetting | None:
 
 def _table(model: PollListModel, best: PortSetting | None) -> tuple[PortSetting, ...]:
     """Some timeouts, also ones that are too short, and all retries up to one more than is recommended."""
-    unit, least, interval = timeout_unit(model), least_timeout(model), interval_for(model)
+    unit, least = timeout_unit(model), least_timeout(model)
+    interval = intervals(model)[0] if best is None else best.interval
     timeouts = {max(unit, least // 2 // unit * unit), least}
     top = least
     for _ in range(_STEPS):
