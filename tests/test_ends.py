@@ -226,6 +226,19 @@ def test_no_json_of_the_program_has_what_is_no_number_of_json() -> None:
     assert [call for call in calls if "allow_nan=False" not in call[2]] == []
 
 
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(28, "No space left on device")], ids=repr)
+def test_what_ends_a_run_as_its_folder_is_made_leaves_none(
+    error: BaseException, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def ends(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr("bussim.results.store.folder.FileRows", ends)
+    with pytest.raises((KeyboardInterrupt, RunError)):
+        RunFolder(tmp_path / "run", rows=True, traced=True, fmt="csv")
+    assert not any(tmp_path.iterdir())
+
+
 @posix
 def test_many_runs_take_folders_of_their_own(tmp_path: Path) -> None:
     all_taken = Barrier(8)

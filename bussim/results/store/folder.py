@@ -85,7 +85,11 @@ class RunFolder:
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
             self.target, self._part, self._lock = _taken(target, numbered=numbered)
-            self.rows = FileRows(self._part, rows=rows, traced=traced, fmt=fmt, header=header)
+            try:
+                self.rows = FileRows(self._part, rows=rows, traced=traced, fmt=fmt, header=header)
+            except BaseException:
+                remove_folder(self._part, [MARKER], self._lock)
+                raise
         except OSError as error:
             raise not_written(target, error) from error
 
@@ -161,6 +165,8 @@ def _taken(target: Path, *, numbered: bool) -> tuple[Path, Path, BaseFileLock]:
 
     Raises UsageError where it is in use or not bussim's; with ``numbered`` the next name is taken.
     """
+    import filelock  # noqa: F401 - takes its time, in which an interrupt would leave a folder
+
     for candidate in numbered_names(target):
         part = candidate.with_name(candidate.name + SUFFIX)
         if numbered and (candidate.exists() or _is_foreign(part)):
