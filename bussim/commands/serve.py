@@ -61,8 +61,8 @@ def command(
 
     NODE is a PLC's link port (press1), another port (press1.COM3) or a device; without --port it is
     served on a new pseudo-terminal, whose name is printed. URLs: COM7, /dev/ttyUSB0, socket://HOST:PORT,
-    rfc2217://HOST:PORT, pty, pty:LINK. Nodes of one bus with the same URL share that wire. Nothing
-    named: what can be served. Faults: those of the scenario, and `bussim inject`.
+    rfc2217://HOST:PORT, pty, pty:LINK, listen://HOST:PORT. Nodes of one bus with the same URL share that
+    wire. Nothing named: what can be served. Faults: those of the scenario, and `bussim inject`.
     """
     from bussim.live.stopping import Stopping
     from bussim.scenario import loader

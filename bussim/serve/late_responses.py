@@ -43,9 +43,9 @@ class LateResponses:
         for master, (count, first, earlier) in self._found.items():
             after = format_ms(first.end - (earlier.asked or 0))
             sentences.append(
-                f"{master} took {counted(count, 'response')} within a second after a request of the same form "
-                f"that got none, the first at {seconds(first.end):.3f} s, {after} after that request: it may be "
-                "the response to it, and each that followed the response to the request before. A PLC's port "
-                "cannot tell; a longer timeout can"
+                f"{master} took {counted(count, 'response')} within a second after a request of the same "
+                f"form that got none, the first at {seconds(first.end):.3f} s, {after} after that request: "
+                "it may be the response to it, and each that followed the response to the request before. "
+                "A PLC's port cannot tell; a longer timeout can"
             )
         return sentences
