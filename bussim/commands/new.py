@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from bussim.commands.common.output import checked_target, write_text
+from bussim.commands.common.output import checked_target, print_files, write_text
 from bussim.commands.size.uniform_link import DEFAULT_PROFILE, DEFAULT_SCAN, uniform_link
 from bussim.errors import UsageError
 
@@ -51,22 +51,31 @@ plcs:                       # in the order in which the cable visits them
 @click.option("--ber", type=float, metavar="P", help="Bit error rate of the line. [default: not known]")
 @click.option("-o", "--out", metavar="FILE", help="Where to write it, instead of printing it.")
 @click.option("--force", is_flag=True, help="Replace the file if it exists.")
+@click.option("--json", "as_json", is_flag=True, help="Print what was written as JSON.")
 def command(
-    *, stations: int, mode: int, scan: str, profile: str, ber: float | None, out: str | None, force: bool
+    *,
+    stations: int,
+    mode: int,
+    scan: str,
+    profile: str,
+    ber: float | None,
+    out: str | None,
+    force: bool,
+    as_json: bool,
 ) -> None:
     """Write a scenario of equal stations on an N:N link, with comments, to be changed by hand.
 
     For example: bussim new --stations 5 --mode 2 --scan 8ms -o my_line.yaml
     """
-    if force and out is None:
-        raise UsageError("--force goes with --out")
+    if (force or as_json) and out is None:
+        raise UsageError(f"{'--force' if force else '--json'} goes with --out")
     text = new_scenario(stations, mode, scan=scan, profile=profile, ber=ber)
     if out is None:
         click.echo(text, nl=False)
         return
     target = checked_target(Path(out), (".yaml", ".yml"), force=force)
     write_text(target, text)
-    click.echo(target)
+    print_files([target], as_json=as_json)
 
 
 def new_scenario(

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from bussim.commands.common.output import check_pictures, print_files
 from bussim.errors import UsageError
 from bussim.files import made_folder
 
@@ -25,8 +27,10 @@ _ABOUT = {"bus": "link scans", "port": "response times", "latency": "latencies"}
 @click.command()
 @click.argument("runs", metavar="RUN_DIR...", nargs=-1, required=True)
 @click.option(
-    "--out", metavar="DIR", help="Folder for the pictures (default: the run's; of several, this one)."
+    "-o", "--out", metavar="DIR", help="Folder for the pictures (default: the run's; of several, this one)."
 )
+@click.option("--force", is_flag=True, help="Replace pictures that exist.")
+@click.option("--json", "as_json", is_flag=True, help="Print what was written as JSON.")
 @click.option(
     "--kind",
     type=click.Choice([*_OPTIONS, "all"]),
@@ -46,6 +50,8 @@ def command(
     runs: tuple[str, ...],
     *,
     out: str | None,
+    force: bool,
+    as_json: bool,
     kind: str,
     bus: str | None,
     port: str | None,
@@ -67,9 +73,13 @@ def command(
     if not any(found.values()):
         raise UsageError(_nothing(records, labels, list(subjects.values())))
     target = _folder(folders, out)
-    for option, subject in subjects.items():
-        for path in _draw(subject, found[option], records, labels, kind, target):
-            click.echo(path)
+    pictures = {
+        target / stem: draw
+        for option, subject in subjects.items()
+        for stem, draw in _pictures(subject, found[option], records, labels, kind)
+    }
+    check_pictures(pictures, force=force)
+    print_files([path for stem, draw in pictures.items() for path in draw().save_both(stem)], as_json=as_json)
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,14 +157,14 @@ def _chosen(kind: str, given: Mapping[str, str | None]) -> list[str]:
     return named or list(given)
 
 
-def _draw(
+def _pictures(
     subject: _Subject,
     names: Sequence[str],
     records: Sequence[RunRecord],
     labels: Sequence[str],
     kind: str,
-    target: Path,
-) -> Iterator[Path]:
+) -> Iterator[tuple[str, Callable[[], Picture]]]:
+    """What is to be drawn: the name of each picture, without an ending, and what draws it."""
     from bussim.results.plots.over_run import scan_times_over_run
     from bussim.results.store.safe_names import file_name, file_names
 
@@ -166,12 +176,12 @@ def _draw(
     )
     for name in names:
         if kind != "over-run":
-            picture = subject.picture(records, name, labels if several else None)
-            yield from picture.save_both(target / f"{subject.stem}_{stems[name]}{ending}")
+            draw = partial(subject.picture, records, name, labels if several else None)
+            yield f"{subject.stem}_{stems[name]}{ending}", draw
         if subject.stem == "scan_time" and kind != "histogram":
             for record, label in zip(records, file_names(labels).values(), strict=True):
                 over_run = f"scan_time_over_run_{stems[name]}" + (f"_{label}" if several else "")
-                yield from scan_times_over_run(record, name).save_both(target / over_run)
+                yield over_run, partial(scan_times_over_run, record, name)
 
 
 def _labels(folders: Sequence[Path]) -> list[str]:

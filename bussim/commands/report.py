@@ -37,20 +37,23 @@ _MOST_RUNS = 7
     "-o", "--out", metavar="FILE", help="The page to write (default: report.html in the run's folder)."
 )
 @click.option("--force", is_flag=True, help="Replace the file if it exists.")
+@click.option("--json", "as_json", is_flag=True, help="Print what was written as JSON.")
 @click.option("--no-exact", is_flag=True, help="Without the exact law (it takes long on a noisy line).")
 @code_option
-def command(runs: tuple[str, ...], *, out: str | None, force: bool, no_exact: bool, allow_code: bool) -> None:
+def command(
+    runs: tuple[str, ...], *, out: str | None, force: bool, as_json: bool, no_exact: bool, allow_code: bool
+) -> None:
     """Report one run, or compare several, as one HTML page that needs no network.
 
     What was simulated, a verdict in words, histogram and exact distribution, the longest link scan as a
     timeline (of a run with --trace), figures of every station, settings, scenario, and how to repeat
     it. Prints the path of the page.
     """
-    from bussim.commands.common.output import busy
+    from bussim.commands.common.output import busy, print_files
 
     with busy(f"reading {', '.join(runs)}"):
         target = report(*runs, out=out, force=force, exact=not no_exact, allow_code=allow_code)
-    click.echo(target)
+    print_files([target], as_json=as_json)
 
 
 def report(

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 @click.option("--seed", metavar="N", help="Seed of all random numbers.")
 @set_option
 @click.option(
-    "--out", metavar="DIR", help="Folder to write (default: runs/NAME, with a number if it exists)."
+    "-o", "--out", metavar="DIR", help="Folder to write (default: runs/NAME, with a number if it exists)."
 )
 @click.option("--trace", is_flag=True, help="Also write every attempt, frame and event.")
 @click.option("--no-rows", is_flag=True, help="Write no tables, only statistics.")

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 @click.option("--seed", metavar="N", help="Seed of all random numbers.")
 @set_option
 @click.option("--paced", is_flag=True, help="Space bytes at the line's rate, as a virtual port does not.")
-@click.option("--out", metavar="DIR", help="Folder to write, as of a run.")
+@click.option("-o", "--out", metavar="DIR", help="Folder to write, as of a run.")
 @click.option("--trace", is_flag=True, help="Also write every frame (to --out, else runs/NAME).")
 @click.option(
     "--format", "fmt", type=click.Choice(["csv", "parquet"]), default="csv", help="Format of tables."

@@ -47,7 +47,10 @@ _HEAD = 14
 @click.option("--seed", metavar="N", help="Seed from which those of all runs are derived.")
 @set_option
 @click.option(
-    "--out", metavar="DIR", help="Folder to write (default: sweeps/NAME, with a number if it is another's)."
+    "-o",
+    "--out",
+    metavar="DIR",
+    help="Folder to write (default: sweeps/NAME, with a number if it is another's).",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print means and confidence intervals as JSON.")
 @click.option("--force", is_flag=True, help="Replace the folder of another sweep, or run this one again.")

@@ -74,7 +74,7 @@ def test_its_run_shows_what_there_is(alone: str, tmp_path: Path, capsys: pytest.
         ),
         (["timeline", str(folder)], "names no bus; there is nothing to draw"),
         (["export", str(folder), "--to", "pcapng"], "the trace has no frame"),
-        (["size", alone], "has no N:N link"),
+        (["size", alone], "has neither an N:N link nor a Modbus poll list"),
         (["serve", alone], "nothing on its buses that can be served"),
     ):
         assert main(words) == 2

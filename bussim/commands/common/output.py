@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -53,6 +53,21 @@ def checked_target(path: Path, endings: Sequence[str], *, force: bool, option: s
     if not path.parent.is_dir():
         raise UsageError(f"{path}: there is no folder {path.parent}")
     return path
+
+
+def check_pictures(stems: Iterable[Path], *, force: bool, option: str = "--out") -> None:
+    """Raise as :func:`checked_target` for pictures, named without .png or .svg, that may not be written."""
+    for stem in stems:
+        for ending in (".png", ".svg"):
+            checked_target(stem.with_name(stem.name + ending), (), force=force, option=option)
+
+
+def print_files(paths: Sequence[Path], *, as_json: bool) -> None:
+    """Print the files that a command wrote, each on a line or as JSON."""
+    if as_json:
+        print_json({"schema": 1, "files": list(map(str, paths))})
+    else:
+        click.echo("\n".join(map(str, paths)))
 
 
 def traced_again(folder: Path) -> str:

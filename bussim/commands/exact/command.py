@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bussim.commands.common.output import print_json, show_carried
+from bussim.commands.common.output import check_pictures, print_json, show_carried
 from bussim.commands.common.scenario_options import code_option, set_option, time_of
 from bussim.errors import UsageError
 from bussim.exact.text import ALMOST_CERTAIN, NOT_COVERED, ms, ms_cell, one_in
@@ -47,7 +47,8 @@ _POINTS = 1200
 @click.option("--ignore-faults", is_flag=True, help="Leave out what acts only for a part of the run.")
 @set_option
 @click.option("--plot", is_flag=True, help="Draw law and simulated histogram, as PNG and SVG.")
-@click.option("--out", metavar="DIR", help="Folder for the pictures (default: this one).")
+@click.option("-o", "--out", metavar="DIR", help="Folder for the pictures (default: this one).")
+@click.option("--force", is_flag=True, help="Replace pictures that exist.")
 @code_option
 def command(
     scenario: str,
@@ -60,6 +61,7 @@ def command(
     overrides: tuple[str, ...],
     plot: bool,
     out: str | None,
+    force: bool,
     allow_code: bool,
 ) -> None:
     """Work out link scan times, tails included, and Modbus poll cycles, without simulating.
@@ -74,6 +76,9 @@ def command(
     from bussim.exact.metrics import Request
     from bussim.exact.solution import exact
 
+    if not plot and (out is not None or force):
+        option = "--force" if out is None else "--out"
+        raise UsageError(f"{option} is about the pictures of --plot: give --plot as well")
     request = Request(
         levels=_levels(levels),
         deadlines=tuple(time_of("--deadline", text, positive=True) for text in deadlines),
@@ -95,6 +100,14 @@ def command(
         raise UsageError(f"{scenario} has neither an N:N link nor a Modbus poll list nor a latency")
     if plot and not found:
         raise UsageError(f"{scenario} has no N:N link, whose law --plot draws")
+    stems = {}
+    if plot:
+        from bussim.results.store.safe_names import file_names
+
+        folder = made_folder(Path(out or "."))
+        drawn = [bus for bus, figures in found.items() if figures.distribution is not None]
+        stems = {bus: folder / f"law_{file_names(found)[bus]}" for bus in drawn}
+        check_pictures(stems.values(), force=force)
     if as_json:
         print_json(solved.to_dict())
     else:
@@ -120,10 +133,8 @@ def command(
 
             show_bounds(console, bounds)
     if plot:
-        for path in _draw(loaded, found, request, Path(out or ".")):
+        for path in _draw(loaded, found, request, stems):
             click.echo(path, err=as_json)
-    elif out is not None:
-        raise UsageError("--out is where --plot puts its pictures: give --plot as well")
 
 
 def _levels(text: str) -> dict[str, float]:
@@ -229,19 +240,20 @@ def _span(ticks: int) -> str:
     return f"{float(ticks / UNIT_TICKS['ms']):g} ms"
 
 
-def _draw(scenario: Scenario, found: dict[str, Figures], request: RequestType, folder: Path) -> list[Path]:
+def _draw(
+    scenario: Scenario, found: dict[str, Figures], request: RequestType, stems: dict[str, Path]
+) -> list[Path]:
     import numpy as np
 
     from bussim import api
     from bussim.results.plots.distribution import distribution_and_histogram
-    from bussim.results.store.safe_names import file_names
     from bussim.version import __version__
 
     result = api.run(scenario, rows=False)
     lowest = min(request.levels.values(), default=1e-6) * _BELOW
     paths: list[Path] = []
-    for bus, stem in file_names(found).items():
-        distribution = found[bus].distribution
+    for bus, figures in found.items():
+        distribution = figures.distribution
         if distribution is None:
             click.echo(f"{bus}: no picture, since there is no exact law", err=True)
             continue
@@ -250,6 +262,5 @@ def _draw(scenario: Scenario, found: dict[str, Figures], request: RequestType, f
         about = f"{scenario.name}, seed {scenario.seed}, bussim {__version__}"
         simulated = result.record.links[bus].scan_times.histogram
         picture = distribution_and_histogram(bus, x, distribution.tail(x), simulated, about, lowest)
-        made_folder(folder)
-        paths += picture.save_both(folder / f"law_{stem}")
+        paths += picture.save_both(stems[bus])
     return paths

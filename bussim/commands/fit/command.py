@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bussim.commands.common.output import busy, checked_target, print_json, write_text
+from bussim.commands.common.output import busy, check_pictures, checked_target, print_json, write_text
 from bussim.commands.common.progress import progress_bar
 from bussim.commands.common.recording import is_recording, line_options
 from bussim.commands.common.scenario_options import code_option, time_of
@@ -29,8 +29,8 @@ _LONGEST_SIMULATED = "10 min"
 @click.command()
 @click.argument("trace", metavar="TRACE")
 @click.option("--scenario", "base", metavar="FILE", help="Put the estimates into this scenario.")
-@click.option("-o", "--output", metavar="FILE", help="Write the scenario with the estimates.")
-@click.option("--force", is_flag=True, help="Replace the file if it exists.")
+@click.option("-o", "--out", "output", metavar="FILE", help="Write the scenario with the estimates.")
+@click.option("--force", is_flag=True, help="Replace the file, or the picture, if it exists.")
 @line_options
 @click.option("--tolerance", metavar="T", help="Silence inside a frame that the system may have made.")
 @click.option("--seed", metavar="N", type=click.IntRange(0), default=1, show_default=True)
@@ -105,7 +105,7 @@ def command(
             scenario = replace(scenario, source={**scenario.source, "warnings": carries})
         write_text(target, f"# Made by bussim {__version__} fit from {trace}.\n{dumps(scenario)}")
     if plot is not None:
-        _plot(Path(plot), fitted, None if simulated is None else simulated[0])
+        _plot(Path(plot), fitted, None if simulated is None else simulated[0], force=force)
     if as_json:
         print_json({"source": trace, "scenario": output, **to_json(fitted, found, warnings)})
         return
@@ -149,13 +149,14 @@ def scenario_of(
     return from_data(data, name=base or "<fit>", allow_code=allow_code, folder=folder)
 
 
-def _plot(folder: Path, fitted: Fitted, simulated: RunRecord | None) -> None:
+def _plot(folder: Path, fitted: Fitted, simulated: RunRecord | None, *, force: bool) -> None:
     from bussim.results.plots.scan_times import scan_time_histogram
     from bussim.results.store.safe_names import file_name
 
     if simulated is None or fitted.link is None:
         raise UsageError("there are no link scans to draw")
-    made_folder(folder)
+    stem = made_folder(folder) / f"fit_{file_name(fitted.bus)}"
+    check_pictures([stem], force=force, option="--plot")
     picture = scan_time_histogram([fitted.measured, simulated], fitted.bus, ["measured", "simulated"])
-    for path in picture.save_both(folder / f"fit_{file_name(fitted.bus)}"):
+    for path in picture.save_both(stem):
         click.echo(f"picture: {path}", err=True)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
+from bussim.commands.common.output import checked_target
 from bussim.commands.common.port_options import format_of, options_of, port_options
 from bussim.commands.common.scenario_options import code_option, time_of
 from bussim.commands.poll.plan import Plan, Planned
@@ -75,6 +76,7 @@ _BARE_TIMES = {"-o": ("s", 0.01, 10.0), "-l": ("ms", 10.0, 1e9)}
 @click.option("--list", "poll_list", metavar="NODE", help="…the poll list of this port, such as press1.COM3.")
 @click.option("--paced", is_flag=True, help="Space bytes at the line's rate.")
 @click.option("--csv", "csv", metavar="FILE", help="Also write every turn to a CSV file.")
+@click.option("--force", is_flag=True, help="Replace the file of --csv if it exists.")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON, and nothing else.")
 @code_option
 @port_options
@@ -106,6 +108,7 @@ def command(
     poll_list: str | None,
     paced: bool,
     csv: str | None,
+    force: bool,
     as_json: bool,
     allow_code: bool,
     tolerance: str,
@@ -155,7 +158,9 @@ def command(
     if resync is not None:
         plan = replace(plan, resync=resync)
     rounds = 1 if once or values else rounds
-    table = None if csv is None else Path(csv)
+    if force and csv is None:
+        raise UsageError("--force goes with --csv")
+    table = None if csv is None else checked_target(Path(csv), (), force=force, option="--csv")
     for station in sorted({planned.poll.station for planned in plan.polls}):
         if station > LAST_STATION:
             click.echo(f"station {station}: numbers above {LAST_STATION} are reserved", err=True)

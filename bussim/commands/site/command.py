@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @click.option("--form", type=click.Choice(LANGUAGES), help="Print the form to fill in by hand, as HTML.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 @click.option("--plan", "planned", is_flag=True, help="Say how long to watch with which reading.")
-@click.option("-o", "out", metavar="FILE", help="Of a calibration: where to write the profile.")
+@click.option("-o", "--out", metavar="FILE", help="Of a calibration: where to write the profile.")
 @click.option("--force", is_flag=True, help="Replace the profile of -o.")
 def command(
     file: str | None, *, form: str | None, as_json: bool, planned: bool, out: str | None, force: bool

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bussim.commands.common.output import busy, show_carried, write_text
+from bussim.commands.common.output import busy, check_pictures, checked_target, show_carried, write_text
 from bussim.commands.common.scenario_options import code_option, set_option
 from bussim.commands.size.uniform_link import DEFAULT_PROFILE, DEFAULT_SCAN, uniform_link
 from bussim.errors import RunError, UsageError
@@ -38,7 +38,8 @@ _FORMS = (
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 @click.option("--verify", "check", is_flag=True, help="Simulate the choice, one retry less and none.")
 @set_option
-@click.option("--out", metavar="DIR", help="Folder for size.json and the picture of the trade-off.")
+@click.option("-o", "--out", metavar="DIR", help="Folder for size.json and the picture of the trade-off.")
+@click.option("--force", is_flag=True, help="Replace the files of --out.")
 @code_option
 def command(
     scenario: str | None,
@@ -53,6 +54,7 @@ def command(
     check: bool,
     overrides: tuple[str, ...],
     out: str | None,
+    force: bool,
     allow_code: bool,
 ) -> None:
     """Search all retries (D8179) and timeouts (D8180) of each link and recommend one setting.
@@ -66,6 +68,8 @@ def command(
     """
     from bussim.exact.sizing.sized import size
 
+    if force and out is None:
+        raise UsageError("--force goes with --out")
     _check_goals(goals)
     described = {"--stations": stations, "--mode": mode, "--scan": scan, "--ber": ber, "--profile": profile}
     given = [name for name, value in described.items() if value is not None]
@@ -96,6 +100,14 @@ def command(
     show_carried(loaded, err=as_json)
     sized = size(loaded, goals)
     found, ports = sized.links, sized.ports
+    if out is not None:
+        from bussim.results.store.safe_names import file_names
+
+        folder = made_folder(Path(out))
+        checked_target(folder / "size.json", (), force=force, option="--out")
+        valid = {bus: stem for bus, stem in file_names(found).items() if found[bus].valid}
+        stems = {bus: folder / f"size_{stem}" for bus, stem in valid.items()}
+        check_pictures(stems.values(), force=force)
     verifications: dict[str, list[Verification]] = {}
     verified: dict[str, list[PortVerification]] = {}
     if check:
@@ -126,7 +138,7 @@ def command(
 
             show_port_sizing(console, node, port, verified.get(node, []))
     if out is not None:
-        for path in _write(loaded, found, text, Path(out)):
+        for path in _write(loaded, found, text, folder, stems):
             click.echo(path, err=as_json)
     failed = [bus for bus, sizing in found.items() if sizing.recommended is None]
     # A list that cannot be sized is no failure beside a link that can.
@@ -149,20 +161,18 @@ def _check_goals(texts: tuple[str, ...]) -> None:
         raise UsageError(str(error)) from None
 
 
-def _write(scenario: Scenario, found: dict[str, Sizing], text: str, folder: Path) -> list[Path]:
+def _write(
+    scenario: Scenario, found: dict[str, Sizing], text: str, folder: Path, stems: dict[str, Path]
+) -> list[Path]:
     from bussim.exact.sizing.trade_off import trade_off
     from bussim.results.plots.trade_off import trade_off_picture
-    from bussim.results.store.safe_names import file_names
     from bussim.units import TICKS_PER_MS
     from bussim.version import __version__
 
-    made_folder(folder)
     paths = [folder / "size.json"]
     write_text(paths[0], text + "\n")
-    for bus, stem in file_names(found).items():
+    for bus, stem in stems.items():
         sizing = found[bus]
-        if not sizing.valid:
-            continue
         points, goals, best = trade_off(sizing), sizing.goals, sizing.recommended
         picture = trade_off_picture(
             bus,
@@ -182,5 +192,5 @@ def _write(scenario: Scenario, found: dict[str, Sizing], text: str, folder: Path
             chosen=None if best is None else (points.chosen_for, best.retries),
             description=f"{scenario.name}, bussim {__version__}",
         )
-        paths += picture.save_both(folder / f"size_{stem}")
+        paths += picture.save_both(stem)
     return paths

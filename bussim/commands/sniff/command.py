@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 @line_options
 @click.option("--bridge", metavar="URL", help="Hand every byte on to this port, and back: listen in between.")
 @click.option("--for", "--duration", "duration", metavar="T", help="Listen so long (default: until Ctrl-C).")
-@click.option("--out", metavar="DIR", help="Record: write a folder as of a run, with its trace.")
+@click.option("-o", "--out", metavar="DIR", help="Record: write a folder as of a run, with its trace.")
 @click.option("--force", is_flag=True, help="Replace the folder of an earlier run, or the file.")
 @click.option("--propose", metavar="FILE", help="Where no layout fits, write the one that is proposed.")
 @click.option("--json", "as_json", is_flag=True, help="Print what was heard as JSON.")
@@ -65,7 +65,7 @@ def command(
     settings = replace(settings, echo=echo or None)
     options = options_of(tolerance=tolerance, echo=echo, rs485=rs485)
     limit = None if duration is None else time_of("--for", duration)
-    target = None if propose is None else checked_target(Path(propose), (), force=force)
+    target = None if propose is None else checked_target(Path(propose), (), force=force, option="--propose")
     with ExitStack() as stack:
         if not is_recording(source):
             if settings.inverted is not None or settings.channels:

@@ -313,7 +313,7 @@ def test_the_poll_list_of_a_scenario(
         (["x", "-d", "7"], "RTU needs 8 data bits"),
         (["/dev/not/there"], "cannot be opened"),
         (["x", "--list", "a"], "belong together"),
-        (["x", "--csv", "/no/such/folder/x.csv"], "cannot be written"),
+        (["x", "--csv", "/no/such/folder/x.csv"], "there is no folder /no/such/folder"),
     ],
 )
 def test_mistakes_are_exit_code_2(
