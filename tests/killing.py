@@ -44,7 +44,7 @@ COMMANDS: dict[str, list[str]] = {
 }
 PAIRS: dict[str, tuple[str, ...]] = {
     "export": ("export", "?", "--to", "vcd", "-o", "OUT.vcd", "--force"),
-    "plot": ("plot", "?", "--out", "OUT"),
+    "plot": ("plot", "?", "--out", "OUT", "--force"),
     "report": ("report", "?", "-o", "OUT.html", "--force"),
     "sweep": ("sweep", "two_stations", "--duration", "2s", "--vary", "?", "--workers", "1", "--out", "OUT", "--force"),
 }  # fmt: skip
