@@ -126,6 +126,7 @@ def test_pytest_finds_the_fixtures(tmp_path: Path) -> None:
     assert "1 passed" in ran.stdout, ran.stdout + ran.stderr
 
 
+@pytest.mark.slow
 def test_the_little_project_of_the_guide_passes_in_a_folder_of_its_own(tmp_path: Path) -> None:
     page = (Path(__file__).parents[2] / "bussim" / "guide" / "python.md").read_text(encoding="utf-8")
     files = re.findall(r"```python\n# (\w+\.py)\n(.*?)```", page, re.DOTALL)

@@ -59,6 +59,7 @@ def test_a_server_that_responds_at_once_is_no_echo(mode: Mode, capsys: pytest.Ca
     assert (code, found["ok"], found["echo"]) == (0, 1, False)
 
 
+@pytest.mark.slow
 def test_a_server_that_accepts_and_closes_ends_a_single_poll(capsys: pytest.CaptureFixture[str]) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
 
