@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from bussim.commands.common.output import busy, check_pictures, checked_target, show_carried, write_text
+from bussim.commands.common.output import (
+    busy,
+    check_pictures,
+    checked_target,
+    show_carried,
+    to_json,
+    write_text,
+)
 from bussim.commands.common.scenario_options import code_option, set_option
 from bussim.commands.size.uniform_link import DEFAULT_PROFILE, DEFAULT_SCAN, uniform_link
 from bussim.errors import RunError, UsageError
@@ -123,9 +129,9 @@ def command(
             result["links"][bus]["verify"] = [verdict.to_json() for verdict in each]
         for node, checks in verified.items():
             result["ports"][node]["verify"] = [verdict.to_json() for verdict in checks]
-    text = json.dumps(result, indent=2, ensure_ascii=False, allow_nan=False)
+    text = to_json(result)
     if as_json:
-        click.echo(text)
+        click.echo(text, nl=False)
     else:
         from bussim.commands.common.console import wide_console
         from bussim.commands.size.show import show_sizing
@@ -170,7 +176,7 @@ def _write(
     from bussim.version import __version__
 
     paths = [folder / "size.json"]
-    write_text(paths[0], text + "\n")
+    write_text(paths[0], text)
     for bus, stem in stems.items():
         sizing = found[bus]
         points, goals, best = trade_off(sizing), sizing.goals, sizing.recommended
