@@ -131,7 +131,7 @@ def test_one_thing_is_chosen(
 ) -> None:
     capsys.readouterr()
     with undrawn():
-        assert main(["plot", str(runs / "ports1"), "--out", "o", *arguments]) == 0
+        assert main(["plot", str(runs / "ports1"), "--out", "o", "--force", *arguments]) == 0
     assert {path.stem for path in printed(capsys)} == expected
 
 
@@ -169,7 +169,7 @@ def test_latencies_are_drawn_too(runs: Path, capsys: pytest.CaptureFixture[str])
          {"latency_preset", "scan_time_link", "scan_time_over_run_link"}),
     ):  # fmt: skip
         with undrawn():
-            assert main(["plot", str(runs / "words1"), "--out", "o", *arguments]) == 0
+            assert main(["plot", str(runs / "words1"), "--out", "o", "--force", *arguments]) == 0
         assert {path.stem for path in printed(capsys)} == expected
     assert main(["plot", str(runs / "words1"), str(runs / "words2"), "--kind", "latency"]) == 0
     paths = printed(capsys)
