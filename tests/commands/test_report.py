@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from bussim.cli import main
+from bussim.report import scene
 from tests.undrawn import undrawn
 
 
@@ -83,7 +84,7 @@ def test_without_a_trace_it_says_how_to_get_a_timeline(
 def test_a_timeline_that_is_too_much_for_the_page_is_left_to_its_command(
     runs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("bussim.report.scene.MOST_SHAPES", 5)
+    monkeypatch.setattr(scene, "MOST_SHAPES", 5)
     text = page(capsys, runs / "traced", "-o", tmp_path / "a.html")
     assert f"draw it with bussim timeline {runs / 'traced'} --worst" in text
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from bussim.cli import COMMANDS, main
+from bussim.report import scene
 from bussim.scenario.builtin import names, read
 from tests.undrawn import undrawn
 
@@ -37,7 +38,7 @@ def test_what_is_advised_can_be_done(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     # So that each page leaves its timeline to a command.
-    monkeypatch.setattr("bussim.report.scene.MOST_SHAPES", 0)
+    monkeypatch.setattr(scene, "MOST_SHAPES", 0)
     text = re.sub(r"^duration: .*", "duration: 12 s", read(name), flags=re.MULTILINE)
     Path("scenario.yaml").write_text(text, encoding="utf-8")
     found: list[list[str]] = []
