@@ -93,6 +93,7 @@ def test_what_cannot_be_said_is_not_said() -> None:
     assert (constant.low, constant.high, constant.needed) == (0.5, 0.5, LEAST_REPEATS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [0.3, 2.0, 40.0])
 @pytest.mark.parametrize("count", [3, 10])
 def test_intervals_of_rare_counts_cover_and_never_reach_below_0(rate: float, count: int) -> None:
