@@ -260,7 +260,7 @@ def _log_survival(count: int, rate: float) -> float:
 
 def hit_probability(runs: list[Run]) -> float:
     """The probability that at least one bit is inverted."""
-    return -math.expm1(sum(_log_survival(count, rate) for count, rate in runs if rate > 0.0))
+    return 0.0 - math.expm1(sum(_log_survival(count, rate) for count, rate in runs if rate > 0.0))
 
 
 def _errors(runs: list[Run], draw: float, draws: Iterator[float]) -> tuple[int, ...]:

@@ -101,7 +101,7 @@ def attempt_fails(model: PollListModel, poll: PollModel) -> float:
     """The chance that an attempt of a poll fails. Bit errors that a check does not see are no failures."""
     good = (in_time(poll, model.timeout) or 0.0) * (1 - poll.loss)
     undamaged = math.fsum(bits * math.log1p(-rate) for bits, rate in poll.hits)
-    return -math.expm1(undamaged) if good == 1 else 1 - good * math.exp(undamaged)
+    return 0.0 - math.expm1(undamaged) if good == 1 else 1 - good * math.exp(undamaged)
 
 
 @dataclass(frozen=True, slots=True)

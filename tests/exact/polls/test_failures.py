@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 
@@ -136,3 +137,8 @@ def test_polls_of_an_hmi_are_left_out_on_their_grid() -> None:
     off = replace(scenario, faults=(fault(fault_kinds.PowerOff("feeder"), 0, 3),))
     sent = bussim.run(off).transactions["sent_s"]
     assert [round(each, 3) for each in sent[:9]] == [0, 0.5, 1, 1.5, 2, 2.5, 3, 3.1, 3.2]
+
+
+def test_what_cannot_fail_fails_with_0() -> None:
+    """And not with -0.0, which whoever reads it takes for a sign."""
+    assert "-0.0" not in json.dumps(bussim.exact("hmi_on_com2").to_dict())
