@@ -207,7 +207,7 @@ class _Decoder:
             self._leave(
                 "attempts", f"D8202 after the cuts has room for {shown:.2f} attempts; it may be spoilt"
             )
-        elif cut is not None and cut.times < 3 and fits == [Attempts.RETRIES]:
+        elif cut is not None and cut.times < 3 and len(fits) == 1 and made == min(allowed.values()):
             self._leave(
                 "attempts", f"{cut.times} cuts may all have fallen in mid-reply, which shortens D8202"
             )

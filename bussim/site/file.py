@@ -35,7 +35,7 @@ from bussim.site.readout import (
     with_numbers,
 )
 from bussim.units import TICKS_PER_MS
-from bussim.wording import names, nearest, show, suggest
+from bussim.wording import counted, names, nearest, show, suggest
 
 _CODES = frozenset(f"D{CODE + station}" for station in range(8))
 _GROWING = frozenset({"D8202", *(f"D{COUNT + station}" for station in range(8))})
@@ -208,7 +208,8 @@ class _Reader:
             report.error(("order",), "names a place twice")
         if form.order and len(order) > form.settings.slaves + 1:
             self.notes.append(
-                f"{len(order)} stations are in order, and the master polls {form.settings.slaves} (D8177)"
+                f"order has {counted(len(order), 'station')}, "
+                f"and the master polls {form.settings.slaves} (D8177)"
             )
         given = [station.place for station in stations if station.before is not None]
         for index, station in enumerate(stations):
@@ -273,7 +274,8 @@ class _Reader:
     def _check_ladder(self, thresholds: Sequence[float], rises: Sequence[int]) -> None:
         if len(rises) != len(thresholds):
             self.report.error(
-                ("ladder", "rises"), f"has {len(rises)} counts for {len(thresholds)} thresholds"
+                ("ladder", "rises"),
+                f"has {counted(len(rises), 'count')} for {counted(len(thresholds), 'threshold')}",
             )
         for index, (one, two) in enumerate(pairwise(thresholds), 1):
             if two <= one:

@@ -14,6 +14,7 @@ from bussim.live.faults import Injected, ReplyFault
 from bussim.live.options import PortOptions
 from bussim.live.served import ServedSlave
 from bussim.units import TICKS_PER_SECOND, parse_time, seconds
+from bussim.wording import counted
 
 #: Items that a repr shows.
 _SHOWN = 20
@@ -46,7 +47,7 @@ class Items:
                 raise TypeError("a slice takes as many values as it has addresses")
             where, values = range(*address.indices(len(self))), list(value)
             if len(where) != len(values):
-                raise ValueError(f"{len(values)} values for {len(where)} addresses")
+                raise ValueError(f"{counted(len(values), 'value')} for {counted(len(where), 'address')}")
         elif isinstance(value, int):
             where, values = range(self._checked(address), address + 1), [value]
         else:
@@ -61,7 +62,7 @@ class Items:
     def __repr__(self) -> str:
         held = [f"{at}: {value}" for at, value in enumerate(self) if value]
         more = f", … {len(held) - _SHOWN} more" if len(held) > _SHOWN else ""
-        return f"<{len(self)} items, all 0 but {{{', '.join(held[:_SHOWN])}{more}}}>"
+        return f"<{counted(len(self), 'item')}, all 0 but {{{', '.join(held[:_SHOWN])}{more}}}>"
 
     def _checked(self, address: int) -> int:
         if not 0 <= address < len(self):
@@ -171,7 +172,7 @@ class ServedBus(ServedSlave):
         stations = "; ".join(f"{number}: {station!r}" for number, station in self._stations.items())
         return (
             f"<bus on {self.device}, stations {{{stations}}}, "
-            f"{len(self.asked)} requests, {self.pending_faults} faults to come>"
+            f"{counted(len(self.asked), 'request')}, {counted(self.pending_faults, 'fault')} to come>"
         )
 
     # -- faults --------------------------------------------------------------------------------

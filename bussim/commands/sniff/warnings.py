@@ -76,7 +76,7 @@ def _one_sided(listener: Listener) -> dict[str, str]:
     lost = listener.characters - decoder.sound_characters
     if lost > _MOST_LOST * listener.characters and not decoder.echoes:
         found["mixed_line"] = (
-            f"{lost:,} of {listener.characters:,} characters are in no sound frame: strong noise, two "
-            "senders at once, or a second rate, format or protocol, which -b, -P and --protocol show"
+            f"{lost:,} of {counted(listener.characters, 'character')} are in no sound frame: strong noise, "
+            "two senders at once, or a second rate, format or protocol, which -b, -P and --protocol show"
         )
     return found

@@ -57,10 +57,8 @@ MEANINGS = {
 }
 #: Causes that these readings hardly tell apart.
 _GROUPS = {
-    Cause.NOISE_WIRE: "wire or bursts",
-    Cause.NOISE_BURSTS: "wire or bursts",
-    Cause.NOISE_SENDER: "sender or lost replies",
-    Cause.REPLIES_LOST: "sender or lost replies",
+    "wire or bursts": (Cause.NOISE_WIRE, Cause.NOISE_BURSTS),
+    "sender or lost replies": (Cause.NOISE_SENDER, Cause.REPLIES_LOST),
 }
 _NUMBERS = "read D8176 in every cabinet, and D8173, which is in force"
 #: What tells the causes of a pair from each other.
@@ -117,7 +115,8 @@ class Finding:
     @property
     def group(self) -> str:
         """The causes that it is hardly told from, by a name."""
-        return _GROUPS.get(self.cause, self.cause.value.replace("_", " "))
+        shared = (name for name, causes in _GROUPS.items() if self.cause in causes)
+        return next(shared, self.cause.value.replace("_", " "))
 
     def to_json(self) -> dict[str, Any]:
         """The finding as plain data."""

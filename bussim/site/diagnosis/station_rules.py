@@ -6,6 +6,7 @@ from bussim.engines.nn import codes
 from bussim.site.diagnosis.causes import Cause, Tally
 from bussim.site.diagnosis.witness import START, Witness
 from bussim.site.readout import COUNT, FLAG, own_entries
+from bussim.wording import counted
 
 _MASTERS_CODES = (codes.NO_REPLY, codes.WRONG_STATION, codes.WRONG_COUNTER)
 _ELSEWHERE = (codes.WRONG_STATION, codes.WRONG_COUNTER, codes.HEARD_WRONG_STATION, codes.HEARD_WRONG_COUNTER)
@@ -77,7 +78,8 @@ def _off(w: Witness, tally: Tally, k: int) -> None:
         return
     others = [other for j in w.by_slaves(k) if (other := w.readout.at(j)) is not None]
     agree = [other for other in others if other.flag(k) and other.code(k) == codes.NOT_IN_NETWORK]
-    why = f"M{FLAG + k} is on with code 01 at the master, with 21 at {len(agree)} of {len(others)} slaves"
+    slaves = f"{len(agree)} of {counted(len(others), 'slave')}"
+    why = f"M{FLAG + k} is on with code 01 at the master, with 21 at {slaves}"
     tally.add(Cause.STATION_OFF, k, 2 if len(agree) == len(others) else 0.5, why)
     if named is not None and named.state == "run":
         lamp = named.rd == "flickers"
@@ -184,7 +186,7 @@ def _master_away(w: Witness, tally: Tally) -> None:
     now = [s.place for s in silent if s.flag(0)]
     once = max((s.count(0) or 0 for s in silent), default=0)
     if silent and len(silent) < len([s for s in w.heard if not w.halted(s)]):
-        why = f"code 11 at {len(silent)} of {len(w.heard)} slaves only"
+        why = f"code 11 at {len(silent)} of {counted(len(w.heard), 'slave')} only"
         tally.add(Cause.MASTER_AWAY, 0, -3, why)
     elif now and master is not None and master.state == "run" and master.value("M8191"):
         why = f"M8183 is on at {', '.join(now)}, but the master is in RUN"
