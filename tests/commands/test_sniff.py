@@ -79,7 +79,7 @@ def test_what_is_recorded_is_a_run_that_others_read(
     again = heard(capsys, str(folder))
     for key in ("link", "exchanges", "frames", "characters"):
         assert again[key] == first[key], key
-    assert main(["plot", str(folder)]) == 0
+    assert main(["plot", str(folder), "--force"]) == 0  # it has those of sniff
     assert (folder / "scan_time_link.png").is_file()
     trace = read_trace(folder)
     assert trace.header.exact

@@ -19,7 +19,7 @@ from bussim.exact.link import TIMEOUT_UNIT, LinkModel
 from bussim.exact.scan.outages import clean_scan
 from bussim.exact.sizing.choice import recommend
 from bussim.exact.sizing.evaluation import evaluate_goals, missed_per_year, noise_views, rows_of
-from bussim.exact.sizing.goals import FORMS, Goals
+from bussim.exact.sizing.goals import LINK_GOALS, Goals
 from bussim.exact.sizing.grid import evaluate
 from bussim.exact.sizing.noise_levels import scaled_noise
 from bussim.exact.sizing.size import size
@@ -317,7 +317,7 @@ def test_every_goal_has_a_form_and_a_conflict() -> None:
     for text in ("errors<=0.01/y", "onsets<=1/d", "scan<=20ms@1e-6", "dead<=30ms", "ride>=300ms"):
         goals = goals.with_text(text)
     goals = goals.with_text("heartbeat=30ms@1/y")
-    assert list(goals.forms()) == list(FORMS)
+    assert tuple(goals.forms()) == LINK_GOALS
     sets = [set(unmet.goals) for unmet in size(link(4), goals).unmet]
     assert set().union(*sets) >= {"scan", "dead", "heartbeat"}  # each fails alone
     assert {"scan"} in sets

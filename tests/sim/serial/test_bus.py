@@ -397,6 +397,5 @@ def test_chained_or_queued_traced_or_not_the_run_is_the_same(
 def test_random_scenarios_have_everything() -> None:
     runs = [run(_chance(seed)) for seed in range(12)]
     found = sum((outcomes(done) for done in runs), Counter())
-    assert {"ok", "no response in time", "CRC or LRC"} <= set(found)
-    assert any(r.mismatched for done in runs for r in done.record.transactions)
+    assert {"ok", "no response in time", "CRC or LRC", "framing", "frame length"} <= set(found)
     assert sum(done.totals.buses[0].collisions for done in runs) > 50
