@@ -210,9 +210,9 @@ def _charts(source: Source, name: str, drawn: Charts) -> list[Chart]:
         charts.parts_chart(record, near, longest, f"What {name} is made of"),
         f"The shortest, the mean and the longest {quantity.time} as bars of their parts: "
         + "; ".join(
-            f"{names[part]} on average {found['mean']:.1f} ms"
-            for part, found in entry["parts_ms"].items()
-            if found["max"]
+            f"{word} on average {entry['parts_ms'][part]['mean']:.1f} ms"
+            for part, word in names.items()
+            if entry["parts_ms"][part]["max"]
         )
         + ".",
         parts_data(name, record, source.summary),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
+from os.path import isfile
 from pathlib import Path
 from typing import Any
 
@@ -98,7 +99,7 @@ class _Reader:
         """A built-in profile, one as a scenario writes it, or that of a file beside the readout."""
         if isinstance(given, str) and given not in PROFILES:
             path = folder / given
-            if path.is_file():
+            if isfile(path):  # noqa: PTH113 - Path.is_file raises for a name that is too long
                 data, found = _data(path)
                 form, cut = read_form(ProfileFileIn, data, (), found)
                 for problem in found.errors:

@@ -160,3 +160,8 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
     (tmp_path / "empty.yaml").write_text("", encoding="utf-8")
     with pytest.raises(ScenarioError, match="is empty; a readout begins with schema: 1, kind: readout"):
         load(tmp_path / "empty.yaml")
+
+
+def test_a_profile_whose_name_no_file_can_have_is_told(tmp_path: Path) -> None:
+    found = problems(HEAD.format(profile="x" * 300) + "  - {place: press}\n", tmp_path)
+    assert any("neither a profile nor a file of one" in problem for problem in found)

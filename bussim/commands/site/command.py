@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bussim.commands.common.output import checked_target, print_json, write_text
+from bussim.commands.common.output import checked_target, print_files, print_json, write_text
 from bussim.errors import UsageError
 from bussim.site.paper import LANGUAGES, form_page
 
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 @click.option("--form", type=click.Choice(LANGUAGES), help="Print the form to fill in by hand, as HTML.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 @click.option("--plan", "planned", is_flag=True, help="Say how long to watch with which reading.")
-@click.option("-o", "--out", metavar="FILE", help="Of a calibration: where to write the profile.")
-@click.option("--force", is_flag=True, help="Replace the profile of -o.")
+@click.option("-o", "--out", metavar="FILE", help="Where to write the profile of a calibration, or the form.")
+@click.option("--force", is_flag=True, help="Replace the file of -o.")
 def command(
     file: str | None, *, form: str | None, as_json: bool, planned: bool, out: str | None, force: bool
 ) -> None:
@@ -36,7 +36,12 @@ def command(
     if (file is None) == (form is None):
         raise UsageError("name one FILE, a readout or a calibration; or --form en, --form zh for the paper")
     if file is None:
-        click.echo(form_page(form or ""), nl=False)
+        page = form_page(form or "")
+        if out is None:
+            click.echo(page, nl=False)
+        else:
+            write_text(checked_target(Path(out), (".html",), force=force), page)
+            print_files([Path(out)], as_json=as_json)
         return
     noted = load(Path(file))
     if isinstance(noted, Readout):

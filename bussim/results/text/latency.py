@@ -77,7 +77,8 @@ def latency_lines(summary: Mapping[str, Any]) -> Iterator[str]:
             shown = [f"{word} {times[key]:.3f}" for word, key in numbers.items() if times[key] is not None]
             yield f"  {'age' if entry['edge'] is None else 'latency':<16} {', '.join(shown)} ms"
             names = part_names(word=entry["edge"] is None)
-            parts = {names[part]: found["mean"] for part, found in entry["parts_ms"].items() if found["max"]}
+            shares = entry["parts_ms"]
+            parts = {word: shares[part]["mean"] for part, word in names.items() if shares[part]["max"]}
             if parts:
                 texts = adding_up(list(parts.values()), times["mean"])
                 said = (f"{part} {text}" for part, text in zip(parts, texts, strict=True))

@@ -128,3 +128,13 @@ def test_a_calibration_writes_a_profile_that_a_readout_takes(
     assert main(["site", "ours.yaml"]) == 2
     assert main(["site", "calibration.yaml", "--plan"]) == 2
     assert main(["site", "readout.yaml", "-o", "x.yaml"]) == 2
+
+
+def test_the_form_is_printed_or_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["site", "--form", "en"]) == 0
+    printed = capsys.readouterr().out
+    target = tmp_path / "form.html"
+    assert main(["site", "--form", "en", "-o", str(target)]) == 0
+    assert capsys.readouterr().out == f"{target}\n"
+    assert target.read_text("utf-8") == printed
+    assert main(["site", "--form", "zh", "-o", str(target)]) == 2
