@@ -212,7 +212,7 @@ def _charts(source: Source, name: str, drawn: Charts) -> list[Chart]:
         + "; ".join(
             f"{word} on average {entry['parts_ms'][part]['mean']:.1f} ms"
             for part, word in names.items()
-            if entry["parts_ms"][part]["max"]
+            if entry["parts_ms"][part]["max"] and entry["parts_ms"][part]["mean"] is not None
         )
         + ".",
         parts_data(name, record, source.summary),

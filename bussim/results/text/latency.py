@@ -78,8 +78,9 @@ def latency_lines(summary: Mapping[str, Any]) -> Iterator[str]:
             yield f"  {'age' if entry['edge'] is None else 'latency':<16} {', '.join(shown)} ms"
             names = part_names(word=entry["edge"] is None)
             shares = entry["parts_ms"]
-            parts = {word: shares[part]["mean"] for part, word in names.items() if shares[part]["max"]}
-            if parts:
+            told = {part: word for part, word in names.items() if None not in shares[part].values()}
+            parts = {word: shares[part]["mean"] for part, word in told.items() if shares[part]["max"]}
+            if parts and times["mean"] is not None:
                 texts = adding_up(list(parts.values()), times["mean"])
                 said = (f"{part} {text}" for part, text in zip(parts, texts, strict=True))
                 yield f"  on average       {', '.join(said)} ms"
