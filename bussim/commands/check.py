@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import click
 
-from bussim.commands.common.output import checked_target, print_json, to_json, write_text
+from bussim.commands.common.output import print_json, print_or_write, to_json
 from bussim.commands.common.scenario_options import code_option, unsimulated_option, values_of
 from bussim.devices.contract import MasterSettings
 from bussim.errors import Problem, UsageError
@@ -46,7 +45,10 @@ def command(
     if schema:
         if scenarios:
             raise UsageError(f"--schema and {scenarios[0]} exclude each other: it is of all scenarios")
-        _write_schema(out, force=force)
+        from bussim.scenario.schema.json_schema import json_schema
+
+        text = to_json(json_schema(), indent=None)  # is JSON whether that is asked for or not
+        print_or_write(text, out, (), force=force, as_json=as_json and out is not None)
         return
     if out is not None or force:
         raise UsageError(f"{'--force' if out is None else '--out'} goes with --schema")
@@ -70,18 +72,6 @@ def command(
             _show(name, examined.scenario)
     if not ok:
         raise click.exceptions.Exit(2)
-
-
-def _write_schema(out: str | None, *, force: bool) -> None:
-    from bussim.scenario.schema.json_schema import json_schema
-
-    text = to_json(json_schema(), indent=None)
-    if out is None:
-        click.echo(text, nl=False)
-        return
-    target = checked_target(Path(out), (), force=force)
-    write_text(target, text)
-    click.echo(target)
 
 
 def _show(name: str, scenario: Scenario) -> None:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import click
 
-from bussim.commands.common.output import checked_target, print_files, write_text
+from bussim.commands.common.output import print_or_write
 from bussim.commands.size.uniform_link import DEFAULT_PROFILE, DEFAULT_SCAN, uniform_link
-from bussim.errors import UsageError
 
 _TEXT = """\
 # {stations} PLCs on one N:N link. `bussim check FILE` names mistakes, `bussim guide scenario` all keys.
@@ -67,15 +65,8 @@ def command(
 
     For example: bussim new --stations 5 --mode 2 --scan 8ms -o my_line.yaml
     """
-    if (force or as_json) and out is None:
-        raise UsageError(f"{'--force' if force else '--json'} goes with --out")
     text = new_scenario(stations, mode, scan=scan, profile=profile, ber=ber)
-    if out is None:
-        click.echo(text, nl=False)
-        return
-    target = checked_target(Path(out), (".yaml", ".yml"), force=force)
-    write_text(target, text)
-    print_files([target], as_json=as_json)
+    print_or_write(text, out, (".yaml", ".yml"), force=force, as_json=as_json)
 
 
 def new_scenario(

@@ -83,6 +83,21 @@ def write_text(path: Path, text: str) -> None:
         part.write_text(text, encoding="utf-8", newline="\n")
 
 
+def print_or_write(text: str, out: str | None, endings: Sequence[str], *, force: bool, as_json: bool) -> None:
+    """Print a text, or write it to the file of ``--out`` and print its name.
+
+    Raises UsageError for ``--force`` or ``--json`` without ``--out``, and as :func:`checked_target`.
+    """
+    if out is None:
+        if force or as_json:
+            raise UsageError(f"{'--force' if force else '--json'} goes with --out")
+        click.echo(text, nl=False)
+        return
+    target = checked_target(Path(out), endings, force=force)
+    write_text(target, text)
+    print_files([target], as_json=as_json)
+
+
 @contextmanager
 def busy(what: str) -> Iterator[None]:
     """Say on stderr what takes its time, only on a terminal."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bussim.commands.common.output import checked_target, print_files, print_json, write_text
+from bussim.commands.common.output import checked_target, print_json, print_or_write, write_text
 from bussim.errors import UsageError
 from bussim.site.paper import LANGUAGES, form_page
 
@@ -36,13 +36,12 @@ def command(
     if (file is None) == (form is None):
         raise UsageError("name one FILE, a readout or a calibration; or --form en, --form zh for the paper")
     if file is None:
-        page = form_page(form or "")
-        if out is None:
-            click.echo(page, nl=False)
-        else:
-            write_text(checked_target(Path(out), (".html",), force=force), page)
-            print_files([Path(out)], as_json=as_json)
+        if planned:
+            raise UsageError("--plan is for a readout")
+        print_or_write(form_page(form or ""), out, (".html",), force=force, as_json=as_json)
         return
+    if force and out is None:
+        raise UsageError("--force goes with --out")
     noted = load(Path(file))
     if isinstance(noted, Readout):
         if out is not None:

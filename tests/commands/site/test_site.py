@@ -137,4 +137,9 @@ def test_the_form_is_printed_or_written(tmp_path: Path, capsys: pytest.CaptureFi
     assert main(["site", "--form", "en", "-o", str(target)]) == 0
     assert capsys.readouterr().out == f"{target}\n"
     assert target.read_text("utf-8") == printed
-    assert main(["site", "--form", "zh", "-o", str(target)]) == 2
+    for words in (
+        ["--form", "zh", "-o", str(target)],
+        ["--form", "en", "--plan"],
+        ["--form", "en", "--json"],
+    ):
+        assert main(["site", *words]) == 2
