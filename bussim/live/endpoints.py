@@ -23,6 +23,7 @@ import select
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 from urllib.parse import urlsplit
@@ -238,7 +239,7 @@ def _open(url: str, baud: int, fmt: CharFormat) -> serial.Serial:
     except ValueError as error:
         raise UsageError(f"{url!r} is no port that can be opened: {error}") from error
     if url.startswith("rfc2217://"):
-        setattr(port, _READ_LOOP, _quietly(getattr(port, _READ_LOOP)))
+        setattr(port, _READ_LOOP, partial(_read, port, getattr(port, _READ_LOOP)))
     if device:
         _respect_lock(url)
         port.exclusive = True  # two programs on one port take each other's bytes away
@@ -264,14 +265,16 @@ def _control_hint(url: str, error: Exception) -> str:
     return f"; if the server has no control lines: {url}{'&' if '?' in url else '?'}ign_set_control"
 
 
-def _quietly(loop: Callable[[], None]) -> Callable[[], None]:
-    """A thread's loop without a traceback: pyserial's reads say that their thread has died."""
+def _read(port: serial.Serial, loop: Callable[[], None]) -> None:
+    """A thread's loop without a traceback: pyserial's reads say that their thread has died.
 
-    def run() -> None:
-        with contextlib.suppress(Exception):
-            loop()
-
-    return run
+    A connection that the other side has ended is closed here, since pyserial forgets it open.
+    """
+    connection = getattr(port, "_socket", None)
+    with contextlib.suppress(Exception):
+        loop()
+    if connection is not None:
+        connection.close()
 
 
 def _respect_lock(url: str) -> None:

@@ -126,7 +126,7 @@ class PollTurns(ModbusHandling):
             case ForeignFrame(echo=True):
                 self.echoes += 1
             case ForeignFrame(late=None):
-                self.rejected["nobody was asked for it"] += 1
+                self.rejected["no station was asked for it"] += 1
             case ForeignFrame(taken=True):
                 self._instead = event.late
             case ForeignFrame():

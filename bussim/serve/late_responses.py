@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from bussim.engines.modbus.codes import MEANINGS, PortError
+from bussim.engines.modbus.resync import PATIENCE
 from bussim.trace.records import TransactionRecord
-from bussim.units import TICKS_PER_SECOND, format_ms, seconds
+from bussim.units import format_ms, seconds
 from bussim.wording import counted
-
-#: How long after a request its response may come (assumed; ``poll`` waits as long at least).
-_PATIENCE = TICKS_PER_SECOND
 
 
 class LateResponses:
@@ -33,7 +31,7 @@ class LateResponses:
         if earlier is None or record.answer_end is None or earlier.asked is None:
             return
         other = (earlier.address, earlier.quantity) != (record.address, record.quantity)
-        if other and record.answer_end - earlier.asked < _PATIENCE:
+        if other and record.answer_end - earlier.asked < PATIENCE:
             count, *first = self._found.get(record.master, (0, record, earlier))
             self._found[record.master] = (count + 1, first[0], first[1])
 

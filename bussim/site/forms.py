@@ -65,7 +65,7 @@ class Settings(CommonSettings):
 
 
 class Lamps(Model):
-    """The lamps of a board; None where nobody looked."""
+    """The lamps of a board; None where they were not looked at."""
 
     example = "{SD: flickers, RD: dark}"
     SD: _Lamp = None

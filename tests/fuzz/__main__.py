@@ -60,7 +60,7 @@ def fuzz(name: str, inputs: int, seconds: float, seed: int) -> Outcome:
         faulthandler.dump_traceback_later(LONGEST, exit=True)
         try:
             refusals += refused(target, data)
-        except Exception:
+        except Exception:  # whatever it is, it is what is looked for
             folder.mkdir(exist_ok=True)
             path = trying.rename(folder / hashlib.sha256(data).hexdigest()[:12])
             fault = f"{path}\n{traceback.format_exc()}"

@@ -68,9 +68,6 @@ def test_a_server_without_control_lines_is_told_how_to_use(capsys: pytest.Captur
 
 
 @pytest.mark.filterwarnings("ignore:set(Daemon|Name):DeprecationWarning")  # pyserial's own
-@pytest.mark.filterwarnings(
-    "ignore::pytest.PytestUnraisableExceptionWarning"
-)  # pyserial leaves its socket open
 def test_a_server_that_breaks_the_handshake_off_ends_no_thread_with_a_traceback(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

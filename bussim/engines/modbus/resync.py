@@ -17,8 +17,8 @@ from bussim.engines.modbus.polls import Poll, PollList
 from bussim.engines.modbus.states import MasterState
 from bussim.units import TICKS_PER_SECOND
 
-#: How long after its request a response may come: timeouts, and seconds at least (assumed).
-_TIMEOUTS, _SECONDS = 3, 1
+#: How long after its request a response may come: timeouts, and ticks at least (assumed).
+_TIMEOUTS, PATIENCE = 3, TICKS_PER_SECOND
 
 #: Functions whose good response is the request once more: Application Protocol V1.1b3, 6.5 and 6.6.
 _ECHOED = (5, 6)
@@ -41,7 +41,7 @@ class ResyncingMaster(PollingMaster):
         self._unanswered: list[Unanswered] = []
         self._doubtful: Unanswered | None = None  # what was taken may not have been its response
         #: Ticks after a request's end in which its response is expected.
-        self.patience = max(_TIMEOUTS * config.timeout, _SECONDS * TICKS_PER_SECOND)
+        self.patience = max(_TIMEOUTS * config.timeout, PATIENCE)
 
     def start(self, now: int) -> int:
         """Power-on; returns hints."""

@@ -147,7 +147,7 @@ def _hidden(w: Witness, tally: Tally, most: int) -> None:
 
 
 def _healthy(w: Witness, tally: Tally, most: int) -> None:
-    """Counts that a start leaves, normal scans, nobody missing."""
+    """Counts that a start leaves, normal scans, no station missing."""
     longest, normal = w.least_longest, w.link.normal
     gone = any(w.deaf(s) or w.halted(s) for s in w.readout.stations)
     if w.flagged or gone or most > START or (w.master is None and not w.listeners):

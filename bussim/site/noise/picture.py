@@ -113,7 +113,7 @@ def picture(readout: Readout, link: SiteLink) -> Picture:
     beyond = _ladder_beyond(found, [each.failed for each in most])
     unexplained += beyond
     if beyond and (ladder := found.of("E", None)) and (share := found.of("T", None)):
-        # Nobody tells where: the same at each station that the master's counts leave.
+        # No station tells where: the same at each station that the master's counts leave.
         rest = [k for k in numbers if k not in lost and k not in senders] or [*numbers]
         known = sum(-log(1 - each.failed) for each in middle) + sum(lost.values())
         more = max(0.0, -log(1 - ladder.value) - known) / len(rest)

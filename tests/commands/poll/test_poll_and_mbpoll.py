@@ -147,10 +147,10 @@ def test_writing(pair: TerminalPair, options: tuple[str, ...], values: tuple[str
     mbpoll, bussim = both(pair, options, values)
     assert mbpoll.sent != b""
     assert bussim.sent.startswith(mbpoll.sent)
-    assert bussim.received.startswith(mbpoll.received)
     # The response to a write of one item equals it: one that comes sooner than a line of this rate could bring it
     # may be an echo, so that the item is read back.
     read_back = bussim.sent[len(mbpoll.sent) :]
+    assert bussim.received[: None if not read_back else len(mbpoll.received)] == mbpoll.received
     if read_back:
         assert mbpoll.sent[1] in (5, 6)
         assert (read_back[1], read_back[2:4]) == (

@@ -174,7 +174,7 @@ def _size(model: PollListModel, goals: Goals, changed: _Changed) -> PortSizing:
         return replace(found, remedies=remedies)
     names = goals.of_ports()
     sets = smallest_sets(names, lambda some: any(_meets(each, goals, some) for each in tried))
-    remedies = tuple(_remedies(model, goals, changed))
+    remedies = tuple(_remedies(model, tried, goals, changed))
     helps = tuple(remedy.in_words() for remedy in remedies)
     unmet = tuple(Unmet(some, _conflict(tried, goals, some), helps) for some in sets)
     return replace(found, unmet=unmet, remedies=remedies)
@@ -241,7 +241,9 @@ def _skipping(model: PollListModel) -> PollListModel:
     return replace(model, polls=polls)
 
 
-def _remedies(model: PollListModel, goals: Goals, changed: _Changed) -> Iterator[Remedy]:
+def _remedies(
+    model: PollListModel, tried: list[PortSetting], goals: Goals, changed: _Changed
+) -> Iterator[Remedy]:
     """Changes that make all goals possible: the fewest of them that do, each with its setting."""
     for count in (1, 2, 3):
         found = False
@@ -255,12 +257,12 @@ def _remedies(model: PollListModel, goals: Goals, changed: _Changed) -> Iterator
     for name in goals.of_ports():
         eased = goals.with_limit(name, math.inf)
         best = min(
-            (each.value(name) for each in _settings(model) if _meets(each, eased, goals.of_ports())),
+            (each.value(name) for each in tried if _meets(each, eased, goals.of_ports())),
             default=None,
         )
         if best is not None:
             limit = goals.rounded_up(name, best)
-            setting = _least(list(_settings(model)), goals.with_limit(name, limit))
+            setting = _least(tried, goals.with_limit(name, limit))
             if setting is not None:
                 yield Remedy(f"{goals.form_of(name, limit)} instead of {goals.form_of(name)}", setting)
 
