@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable
 
 from bussim.live.arrival import Arrivals, Timed
+from bussim.live.echo import Echo
 from bussim.live.wire import Wire
 
 
@@ -36,13 +37,13 @@ class LivePort:
         self._on_lost = on_lost
         self._on_back = on_back
         self._mask = (1 << wire.timing.format.data_bits) - 1
-        self._queue: deque[tuple[int, bytes]] = deque()
+        self._queue: deque[tuple[int, bytes, object]] = deque()
         # What is being sent: its bytes, how many of them the system has, first edge and end.
         self._out = b""
         self._written = 0
         self._start = 0
         self._end: int | None = None
-        self._echo = 0  # characters of our own that are still to be heard
+        self._echo = Echo(wire)
 
     @property
     def sending(self) -> bool:
@@ -54,11 +55,15 @@ class LivePort:
         """End of what was heard or sent last."""
         return self._arrivals.busy_until
 
-    def send(self, chars: bytes, at: int) -> None:
-        """Send at the tick ``at``, or now if that is past, after what was to be sent before."""
+    def send(self, chars: bytes, at: int, response: object = None) -> None:
+        """Send at the tick ``at``, or now if that is past, after what was to be sent before.
+
+        ``response`` is the slave's response that is sent, None where it is something else.
+        """
         if chars:
             mask = self._mask
-            self._queue.append((at, chars if mask == 0xFF else bytes(value & mask for value in chars)))
+            plain = chars if mask == 0xFF else bytes(value & mask for value in chars)
+            self._queue.append((at, plain, response))
 
     def step(self, until: int) -> bool:
         """Do what is due and wait for bytes, at the longest until a tick; whether any were heard."""
@@ -89,12 +94,11 @@ class LivePort:
                 return until
             if self._queue[0][0] > self.clock.now():
                 return self._queue[0][0]
-            _, self._out = self._queue.popleft()
+            _, self._out, response = self._queue.popleft()
             self._written = 0
             self._start = self.clock.now()
             self._end = self._start + self._timing.characters(len(self._out))
-            if self.wire.options.echo:
-                self._echo += len(self._out)
+            self._echo.sent(self._out, response, response=True)
         if self._written < len(self._out):
             return self._write()
         return self._end
@@ -126,17 +130,14 @@ class LivePort:
     def _forget(self) -> None:
         self._queue.clear()
         self._end = None
-        self._echo = 0
+        self._echo.forget()
 
     # -- listening -----------------------------------------------------------------------------
 
     def _heard(self, data: bytes, arrived: int) -> None:
-        if self._echo:
-            own = min(self._echo, len(data))
-            self._echo -= own
-            data = data[own:]
-            if not data:
-                return
+        data = self._echo.without(data)
+        if not data:
+            return
         if self._end is not None and self._written == len(self._out):
             self._sent(min(self._end, arrived))
         self._on_chars(self._arrivals.chunk(data, arrived, self.wire.characters))

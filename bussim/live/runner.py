@@ -8,6 +8,7 @@ from typing import Any
 
 from bussim.engines.contract import OPEN, Engine, Transmit
 from bussim.engines.modbus.adu import RTU_MAX, Adu, Mode, decode_rtu
+from bussim.engines.modbus.slave import Slave
 from bussim.live.arrival import Timed
 from bussim.live.port import LivePort
 from bussim.live.wire import Wire
@@ -143,7 +144,7 @@ class EngineRunner:
         frame = self.engine.begin_transmit(now, counter)
         chars = self._handling.chars(frame)
         if chars:
-            self.port.send(chars, now)
+            self.port.send(chars, now, frame if isinstance(self.engine, Slave) else None)
         else:
             self._sent(now, now)
 

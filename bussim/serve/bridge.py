@@ -21,10 +21,12 @@ from bussim.line.characters import LineTiming
 from bussim.line.uart import Sampled, Uart
 from bussim.line.wave import Wave
 from bussim.live.arrival import Arrivals, Timed
+from bussim.live.echo import Echo
 from bussim.live.wire import Wire
 from bussim.serve.external_frames import ExternalFrames
 from bussim.serve.external_node import ExternalNode
 from bussim.sim.kernel import SENDING, Kernel
+from bussim.sim.serial.node import SerialNode
 from bussim.sim.wire.contract import LineNode, Transmission
 from bussim.units import TICKS_PER_SECOND, format_ms
 from bussim.wording import counted
@@ -51,7 +53,7 @@ class Bridge:
         self._mask = (1 << wire.timing.format.data_bits) - 1
         self._timer = kernel.timer(self._write_due, SENDING)
         self._queue: deque[tuple[int, int]] = deque()  # (end, value) of characters that wait for their time
-        self._echo = 0  # characters of this line's nodes whose echo is still to come
+        self.echo = Echo(wire)
         self._open = bytearray()  # received since the line was idle, at most a little more than a frame
         self._last = 0  # when the last chunk was over
         self._sent_since = False  # a node of this line has sent since
@@ -81,10 +83,8 @@ class Bridge:
             chars, ends = tx.chars, None
         if self._mask < 0xFF:
             chars = bytes(value & self._mask for value in chars)
-        if not self.wire.connected:
-            self._echo = 0  # no echo of what was sent will come
-        elif self.wire.options.echo:
-            self._echo += len(chars)
+        slave = isinstance(tx.sender, SerialNode) and tx.sender.kind == "response"
+        self.echo.sent(chars, tx.frame, response=slave)
         if not (self.wire.options.paced or tx.pauses):
             if chars:
                 self.wire.write(chars)
@@ -112,8 +112,7 @@ class Bridge:
 
     def cut(self) -> None:
         """A node's transmission is cut off: what was not written yet is dropped."""
-        if self.wire.options.echo:
-            self._echo = max(0, self._echo - len(self._queue))
+        self.echo.unsent(len(self._queue))
         self._queue.clear()
         self._timer.cancel()
 
@@ -121,7 +120,7 @@ class Bridge:
 
     def take(self, data: bytes, now: int, late: int) -> None:
         """Receive bytes that had come by ``now`` and were read ``late`` ticks later."""
-        data = self._without_echo(data)
+        data = self.echo.without(data)
         if not data:
             return
         line, tolerance = self.line, self.wire.options.tolerance
@@ -164,13 +163,6 @@ class Bridge:
                 if other is not port and other.receiver.is_open:
                     other.receiver.replan(tx.end)
             port.finish_early(now)
-
-    def _without_echo(self, data: bytes) -> bytes:
-        if not self._echo:
-            return data
-        own = min(self._echo, len(data))
-        self._echo -= own
-        return data[own:]
 
     def _separate(self, begun: int, now: int) -> None:
         """End the unfinished frame if a node has sent since, or the line was idle for long enough."""

@@ -12,6 +12,7 @@ from typing import Any
 from bussim.line.characters import LineTiming
 from bussim.line.protocols import BusProtocol
 from bussim.live.clock import Clock
+from bussim.live.echo import RETURNS
 from bussim.live.options import PortOptions
 from bussim.live.wire import Wire
 from bussim.results.collector import Collector, Rows
@@ -271,10 +272,13 @@ class Session:
 
     def _warnings(self) -> list[str]:
         warnings = self.collector.late.warnings()
+        echoing = {bridge.wire for bridge in self.bridges if bridge.echo.found}
         for target, wire in zip(self.targets, self.wires, strict=True):
             warnings.append(f"{target.name} leads to {target.url}: its times are the operating system's")
             if wire.instant and not wire.options.paced:
                 warnings.append(f"{target.url} {_NO_PACE}")
+            if wire in echoing:
+                warnings.append(f"{target.url} {RETURNS}")
             counts = wire.counts
             if counts.losses:
                 away = f"{counted(counts.losses, 'time')} for {counts.away_s:.1f} s"

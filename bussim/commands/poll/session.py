@@ -135,6 +135,7 @@ def poll(
     ``verbose`` shows every byte. Returns the exit code: 1 if a turn failed or ended with an exception.
     """
     from bussim.engines.modbus.polls import PollList
+    from bussim.live.echo import RETURNS
     from bussim.live.modbus import PortCheck, master_runner
     from bussim.live.stopping import Stopping
 
@@ -209,7 +210,7 @@ def poll(
     if given_up():
         click.echo(f"{url} was lost {_LOSSES} times without a response: given up", err=True)
     if echoes:
-        click.echo(f"{url} returns what is sent, as some adapters do: use --echo", err=True)
+        click.echo(f"{url} {RETURNS}", err=True)
     return (
         1
         if echoes or given_up() or any(tally.ok < tally.turns or tally.mismatched for tally in tallies)

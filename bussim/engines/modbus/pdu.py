@@ -38,12 +38,13 @@ class Function(IntEnum):
 
 _READ_BITS: Final = frozenset((0x01, 0x02))
 _READ_WORDS: Final = frozenset((0x03, 0x04))
-_WRITE_ONE: Final = frozenset((0x05, 0x06))
+#: Their good response is the request once more (Application Protocol V1.1b3, 6.5 and 6.6).
+WRITE_ONE: Final = frozenset((0x05, 0x06))
 _WRITE_MANY: Final = frozenset((0x0F, 0x10))
 FUNCTIONS: Final = frozenset(int(function) for function in Function)
 READS: Final = _READ_BITS | _READ_WORDS
 #: The functions that may be broadcast.
-WRITES: Final = _WRITE_ONE | _WRITE_MANY
+WRITES: Final = WRITE_ONE | _WRITE_MANY
 
 
 class Limits(NamedTuple):
@@ -215,7 +216,7 @@ def encode_request(request: Request) -> bytes:
     if len(values) != quantity:
         raise ValueError(f"a quantity of {quantity} has so many values: {len(values)}")
     _check_words(*values)
-    if function in _WRITE_ONE:
+    if function in WRITE_ONE:
         return b"%c%b" % (function, pack_words((address, *values)))
     if function in _WRITE_MANY:
         return _counted(b"%c%b" % (function, pack_words((address, quantity))), _data(function, values))
@@ -233,7 +234,7 @@ def decode_request(pdu: bytes) -> Request | Malformed:
     if not pdu:
         return Malformed(0, Flaw.EMPTY, pdu)
     function, size = pdu[0], len(pdu)
-    if function in READS or function in _WRITE_ONE:
+    if function in READS or function in WRITE_ONE:
         if size != 5:
             return Malformed(function, Flaw.LENGTH, pdu)
         address, second = _word(pdu, 1), _word(pdu, 3)
@@ -260,7 +261,7 @@ def encode_response(response: Response) -> bytes:
     if function in READS:
         _check_words(*values)
         return _counted(bytes((function,)), _data(function, values))
-    second = values[0] if function in _WRITE_ONE else quantity
+    second = values[0] if function in WRITE_ONE else quantity
     _check_words(address, second)
     if function not in WRITES:
         raise ValueError(f"function {function} has no response here")
@@ -306,7 +307,7 @@ def decode_response(pdu: bytes, request: Request | None = None) -> Response | Ex
     if size != 5:
         return Malformed(function, Flaw.LENGTH, pdu)
     address, second = _word(pdu, 1), _word(pdu, 3)
-    if function in _WRITE_ONE:
+    if function in WRITE_ONE:
         return Response(function, address, 1, (second,))
     return Response(function, address, second)
 

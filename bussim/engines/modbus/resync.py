@@ -11,7 +11,7 @@ from bussim.engines.modbus.adu import Adu, Damage
 from bussim.engines.modbus.codes import PortError
 from bussim.engines.modbus.events import ForeignFrame, FrameRejected, Unanswered
 from bussim.engines.modbus.master import MasterConfig, check_response
-from bussim.engines.modbus.pdu import ExceptionResponse, Request, decode_response
+from bussim.engines.modbus.pdu import WRITE_ONE, ExceptionResponse, Request, decode_response
 from bussim.engines.modbus.polling import PollingMaster
 from bussim.engines.modbus.polls import Poll, PollList
 from bussim.engines.modbus.states import MasterState
@@ -19,9 +19,6 @@ from bussim.units import TICKS_PER_SECOND
 
 #: How long after its request a response may come: timeouts, and ticks at least (assumed).
 _TIMEOUTS, PATIENCE = 3, TICKS_PER_SECOND
-
-#: Functions whose good response is the request once more: Application Protocol V1.1b3, 6.5 and 6.6.
-_ECHOED = (5, 6)
 
 
 class ResyncingMaster(PollingMaster):
@@ -87,7 +84,7 @@ class ResyncingMaster(PollingMaster):
         return next((one for one in self._unanswered if _answers(adu, one.station, one.request)), None)
 
     def _accepted(self, adu: Adu, start: int, end: int, now: int) -> int:
-        if adu.chars == self._adu.chars and self._request.function not in _ECHOED:
+        if adu.chars == self._adu.chars and self._request.function not in WRITE_ONE:
             self._events.append(ForeignFrame(now, start, adu.station, echo=True))
             return EVENTS | (self._timed_out(now) if self._overdue else 0)
         late = self._late(adu, now)
