@@ -8,7 +8,7 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import pytest
@@ -67,7 +67,7 @@ class PymodbusServer:
         mode: Mode,
         registers: list[int],
         coils: list[bool],
-        delays: Sequence[float] = (),
+        delays: Iterable[float] = (),
         *,
         echo: bool = False,
     ) -> None:
