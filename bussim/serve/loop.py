@@ -70,7 +70,10 @@ class RealTime:
         self.lateness = Lateness()
 
     def run(self, until: int, stopped: Callable[[], bool]) -> None:
-        """Run until a tick, or until ``stopped`` says so, which is asked at least twenty times a second."""
+        """Run until a tick, or until ``stopped`` says so, which is asked at least twenty times a second.
+
+        What is being sent then is sent to its end.
+        """
         kernel, clock = self._kernel, self._clock
         gc.collect()
         gc.freeze()  # the collector need not scan what was built for the run
@@ -78,13 +81,24 @@ class RealTime:
             clock.restart()
             kernel.run(kernel.now + 1)  # nodes with a supply from the start receive what has come before
             while not stopped() and kernel.now < until:
-                # An event at a tick is done when the tick is over.
-                wait(self._wires, clock, min(kernel.next() + 1, until, clock.now() + PATIENCE))
-                self._receive()
-                self._go_on(until)
-                self._also()
+                self._step(until)
+            until = min(until, self._sending_until())
+            while kernel.now < until:
+                self._step(until)
         finally:
             gc.unfreeze()
+
+    def _step(self, until: int) -> None:
+        # An event at a tick is done when the tick is over.
+        wait(self._wires, self._clock, min(self._kernel.next() + 1, until, self._clock.now() + PATIENCE))
+        self._receive()
+        self._go_on(until)
+        self._also()
+
+    def _sending_until(self) -> int:
+        """When what is on the wires now has been sent, and is recorded; 0 for nothing."""
+        ports = (port for bridge in self._bridges for port in bridge.line.ports)
+        return max((tx.driven_until + 1 for port in ports if (tx := port.sending or port.tail)), default=0)
 
     def _receive(self) -> None:
         """Receive what has come by now before what is due by now is done."""

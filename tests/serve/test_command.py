@@ -9,7 +9,6 @@ import subprocess
 import sys
 import tempfile
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -80,7 +79,6 @@ def test_ctrl_c_ends_it_with_its_summary_printed_and_its_files_complete(folder: 
     for value in range(5):
         assert not client.write_register(3, value, device_id=1 + value % 2).isError()
     client.close()
-    time.sleep(0.5)  # the last response is heard before the wire has it whole
     process.send_signal(number)
     out, err = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0, err

@@ -18,7 +18,7 @@ from bussim.serve.session import Session
 from bussim.serve.targets import targets
 from bussim.sim.kernel import FAULT
 from bussim.sim.runner import simulate
-from bussim.trace.records import TransactionRecord
+from bussim.trace.records import FrameRecord, TransactionRecord
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 from tests.serve.serving import HEAD, LENIENT, PATIENCE, SLAVES, Serving
 
@@ -158,6 +158,22 @@ class Kept:
     def take(self, record: object) -> None:
         if isinstance(record, TransactionRecord) and record.bus == self._bus:
             self.transactions.append(record)
+
+
+def test_what_is_being_sent_at_the_end_is_recorded() -> None:
+    """A response at 4800 bps is on the wire for 52 ms; a pseudo-terminal hands it over at once."""
+    taken: list[object] = []
+
+    class Rows:
+        def take(self, record: object) -> None:
+            taken.append(record)
+
+    text = SLAVES.replace("baud: 115200", "baud: 4800")
+    with Serving(text, "oven", rows=Rows(), traced=True) as serving, opened(serving.device) as handle:
+        os.write(handle, REQUEST)
+        assert receive(handle, len(RESPONSE)) == RESPONSE
+    frames = [record.chars for record in taken if isinstance(record, FrameRecord)]
+    assert frames == [REQUEST, RESPONSE]
 
 
 def test_the_simulated_rest_is_what_the_simulation_makes_of_it() -> None:
