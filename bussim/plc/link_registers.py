@@ -7,7 +7,7 @@ communication manual, chapter 12.2.
 from __future__ import annotations
 
 from array import array
-from collections.abc import Container, Mapping
+from collections.abc import Container, Iterable, Mapping
 
 from bussim.engines.nn.frames import MODES, LinkSettings
 from bussim.engines.nn.master import Master, MasterConfig
@@ -247,6 +247,21 @@ class LinkRegisters:
         """Where this PLC keeps a station's block."""
         block = MODES[mode]
         return block_range(station, block.bits, block.words, self._profile.word_spacing)
+
+    def other_blocks(self) -> list[BlockRange]:
+        """Where the blocks of all other stations lie in the largest mode; none without an engine."""
+        mode = max(range(len(MODES)), key=lambda mode: MODES[mode].size)
+        numbers = range(STATIONS) if self.engine is not None else ()
+        return [self.range_of(number, mode) for number in numbers if number != self.station]
+
+    def store_blocks(self, blocks: Iterable[tuple[int, bytes]]) -> None:
+        """Write received blocks of other stations into the memory, those of the mode in force."""
+        if (mode := self.mode) is None:
+            return
+        own = self.station
+        for station, image in blocks:
+            if station != own and len(image) == MODES[mode].size:
+                self._memory.store_block(self.range_of(station, mode), image)
 
     # -- status out ------------------------------------------------------------------------------
 

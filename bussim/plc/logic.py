@@ -17,6 +17,7 @@ from bussim.plc.program.errors import Fault, Halt, OperationFault, PortRefused
 from bussim.plc.program.execution import ProgramRun
 from bussim.plc.program.instruction_times import InstructionTimes
 from bussim.plc.program.program import Program
+from bussim.plc.program.rest import Dependence
 from bussim.units import TICKS_PER_MS
 
 
@@ -43,6 +44,7 @@ class Logic:
         self._sampled_at = now
         self._next_change = -1  # when an input changes next; before the first sampling: all are sampled
         self._ports = ports
+        self._uses_ports = program is not None and program.uses_ports
         self._run = (
             ProgramRun(program, memory, times=times, ports=self._ports, power_on=now, kept_pulses=kept_pulses)
             if program is not None
@@ -51,6 +53,7 @@ class Logic:
         if self._run is not None:
             self._run.on_error(self._failed)
         self._shared = SharedAreas(memory, shared_words)
+        self._shown = now  # the END whose special devices the memory shows; NEVER: they stay as they are
         #: The inputs' changes between the latest two samplings.
         self.changes: list[tuple[Device, list[Change]]] = []
         # Not reported yet: operation errors by code, with the first one's step and their number; a stop.
@@ -61,6 +64,31 @@ class Logic:
     def halted(self) -> bool:
         """Whether the program stands still (D8061 has the code)."""
         return self._run is not None and self._run.halted > 0
+
+    def may_rest(self, depends: Dependence) -> None:
+        """See the program's run."""
+        if self._run is not None:
+            self._run.may_rest(depends)
+
+    @property
+    def rests_until(self) -> int:
+        """Until when the scans to come need not be carried out: none before this tick does anything.
+
+        -1: the next one may. The latest one's errors are still to be reported.
+        """
+        run = self._run
+        if run is None or run.halted:
+            return -1 if self.faulted else self._next_change
+        return -1 if self.faulted else min(run.rests_until, self._next_change)
+
+    def show_specials(self, end: int, times: tuple[int, int, int]) -> None:
+        """Show the special devices as the scan that begins with an END finds them, if that was not done.
+
+        Those of a program that stands still stay so.
+        """
+        if self._run is not None and end > self._shown:
+            self._shown = NEVER if self._run.halted else end
+            self._run.show(end, times)
 
     # -- errors ------------------------------------------------------------------------------------
 
@@ -97,6 +125,7 @@ class Logic:
 
         What the link sends before the first END is the memory at RUN.
         """
+        self._shown = now - 1
         if self._run is not None:
             self._run.run(now)
         self.freeze()
@@ -125,7 +154,8 @@ class Logic:
             return 0
         before = self.halted
         spent = self._run.scan(now)
-        self._ports.scan_over(now)
+        if self._uses_ports:
+            self._ports.scan_over(now)
         if self.halted and not before:
             self._note_halt(now)
         return spent

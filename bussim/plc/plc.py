@@ -11,7 +11,8 @@ from bussim.engines.nn.master import Master
 from bussim.line.random_streams import Streams
 from bussim.plc.errors import SerialErrors
 from bussim.plc.first_scan import settings_under_m8038
-from bussim.plc.inputs import Stimulus
+from bussim.plc.inputs import NEVER, Stimulus
+from bussim.plc.link_devices import LINK_STATUS
 from bussim.plc.link_registers import LinkEngine, LinkRegisters, memory_at_power_on, setting_values
 from bussim.plc.logic import Logic
 from bussim.plc.memory import FIRST_SPECIAL, OWN_DEVICES, Device, Memory, parse_device
@@ -21,15 +22,17 @@ from bussim.plc.ports.port_registers import Maps, PortRegisters
 from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.plc.profiles import MAX_SLAVES, Profile
 from bussim.plc.program.program import Program
+from bussim.plc.program.rest import Dependence, Rest, dependence
 from bussim.plc.scan import ScanCycle
-from bussim.plc.sources import Source
+from bussim.plc.sources import Source, Sources
 from bussim.plc.system_devices import SystemDevices
-from bussim.units import round_half_up
+from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND, round_half_up
 
 #: What the link has received for this PLC after one tick and up to another: (station, newest image).
 Received = Callable[[int, int], Iterable[tuple[int, bytes]]]
 
-_NEVER = 1 << 62
+#: Of how long scans are drawn ahead for an END that matters.
+_AHEAD = 60 * TICKS_PER_SECOND
 
 
 class PlcState(Enum):
@@ -47,7 +50,8 @@ class Plc:
     runs. ``registers`` are written at power-on. ``linked`` says whether it takes part in N:N. ``ports``
     are those that CPAVL has set up, ``polls`` what is exchanged on them where no program does it;
     ``maps`` makes the register map of those that are Modbus slaves. A PLC with a ``program`` or ``inputs``
-    carries every scan out (see :mod:`bussim.plc.logic`), and so does one with ``observed`` devices.
+    carries every scan out (see :mod:`bussim.plc.logic`), and so does one with ``observed`` devices, but for
+    those that it proves to change nothing (:meth:`may_rest`).
 
     Its driver carries ENDs out: it calls :meth:`end` at the tick that :meth:`wanted_end` names. All other
     ENDs need no call: what they would have done is done when the memory or the block is asked for.
@@ -90,13 +94,13 @@ class Plc:
         self.received: Received | None = None
         self._scan = (scan_mean, scan_jitter)
         self._phase = phase
-        self._sources = {parse_device(name): source for name, source in sources.items()}
+        self._sources = Sources({parse_device(name): source for name, source in sources.items()})
         self._linked = linked
         self._kept: Memory | None = None  # at the latest power-off
         self._board_errors: list[tuple[str, int]] = []
         self._image: bytes | None = None
         self._image_until = -1
-        self._driven = self._taken = -1  # the ENDs at which sources and received blocks were taken last
+        self._taken = -1  # the END at which received blocks were taken last
         self._done = -1  # the END that was carried out last
         self._program = program
         self._inputs = dict(inputs or {})
@@ -108,6 +112,26 @@ class Plc:
         #: Whether every END is carried out.
         self.every_end = program is not None or bool(self._inputs) or bool(self._observed)
         self.observer: PlcObserver | None = None
+        self._rest = Rest(None, ())  # no END is left out
+        self._rests_until = -1  # before this tick no END changes anything; -1: the next one may
+        #: Called with the tick when an END has come to matter that did not.
+        self.on_wake: Callable[[int], None] | None = None
+
+    def may_rest(self) -> None:
+        """Leave ENDs out that would change nothing, from RUN on. Whoever drives it sees to :attr:`on_wake`.
+
+        Not of a PLC whose ports or observed devices may show what changes with every END.
+        """
+        program, status = self._program, LINK_STATUS[self.profile.family].values()
+        depends = dependence(program) if program is not None else Dependence()
+        shown = self.port_registers or self._observes_specials or any(at in status for at in self._observed)
+        if self.every_end and depends is not None and not shown:
+            self._rest = Rest(depends, self._observed)
+
+    @property
+    def reads_blocks(self) -> bool:
+        """Whether received blocks may change what ENDs do, which may be left out if they do not."""
+        return self._rest.reads_blocks
 
     def scan_under_link(self) -> tuple[int, int]:
         """Mean and jitter of the scan while N:N runs, in ticks."""
@@ -138,6 +162,8 @@ class Plc:
                 now,
                 () if self.profile.latched_pulse_again else self.profile.latched,
             )
+            if self._rest.depends is not None:
+                self.logic.may_rest(self._rest.depends)
         if self._program is None:
             self._system = system = SystemDevices(self.memory, now)
             self.memory.refresh_specials = lambda end: system.scan(end, self.cycle.times(end))
@@ -165,13 +191,17 @@ class Plc:
         engine = take_over(self.longest_scan(), traced=traced, values=given) if self._linked else None
         mean, jitter = self._scan if engine is None else self.scan_under_link()
         self.state = PlcState.RUN
-        self._driven = self._taken = -1
+        self._taken = self._sources.written = -1
         self._done = now - 1
         for port in self.port_registers.values():
             port.take_over(self.memory, self.errors, now)
         self._image, self._image_until = None, -1
+        self._rests_until = -1
+        self._rest.find_blocks(self.link_registers.other_blocks())
         first_end = self.cycle.run(now, mean, jitter, self._phase)
         halted = logic is not None and logic.halted
+        if logic is not None and halted and self._rest.depends is not None:
+            logic.show_specials(now, (0, 0, 0))
         if spent and (self._phase is None or halted):
             first_end = self.cycle.run(now, mean, jitter, first_end - now + spent)
             if halted:
@@ -185,7 +215,7 @@ class Plc:
         What had arrived by the last END stays in memory where that is latched. All else that a program
         uses becomes what it is at power-on, unless M8033 is on (FX programming manual, 4.12.1).
         """
-        self.sync(now - 1)
+        self._show_end(now - 1)
         self.cycle.stop(now - 1)
         self.link_registers.release()
         for port in self.port_registers.values():
@@ -218,15 +248,52 @@ class Plc:
 
     def parameters(self, settings: LinkSettings, now: int) -> None:
         """A slave has received the master's settings: its block may lie elsewhere now."""
-        self.sync(now - 1)  # blocks received in another mode
+        self.wake(now)
+        self._show_end(now - 1)  # blocks received in another mode
         self.link_registers.parameters(settings)
         self._taken = -1
         self._image, self._image_until = None, -1
 
     def refuse(self, now: int) -> None:
         """The master asks for a mode that this family does not have: no link."""
-        self.sync(now - 1)
+        self._show_end(now - 1)
         self.link_registers.refuse()
+
+    # -- ENDs that are left out --------------------------------------------------------------------
+
+    def _rest_after(self, end: int, extra: int) -> int:
+        """Until when ENDs after the one that is carried out change nothing; -1: the next one may.
+
+        Scans last so much longer by their instructions.
+        """
+        if not self._rest.possible:
+            return -1
+        until = self._sources.next_change(end)
+        if self.logic is not None:
+            until = min(until, self.logic.rests_until)
+            if self.cycle.longest_drawn + extra > self.memory.word("D", 8000) * TICKS_PER_MS:
+                return -1  # a scan may exceed the watchdog
+            if self._observed and self.logic.changes:
+                return -1  # the next END reports the inputs that this scan has sampled
+        # Scans are drawn ahead for a minute at most, of all PLCs for the same one.
+        return until if until == NEVER else min(until, (end // _AHEAD + 1) * _AHEAD)
+
+    def received_news(self, station: int, image: bytes, now: int) -> None:
+        """Another image has come of a station than before, or to another of the link's stations."""
+        mode = self.link_registers.mode
+        # One of another mode is not stored: those before it must have been.
+        reads = self.reads_blocks and self._rests_until >= 0 and station != self.link_registers.station
+        if reads or (mode is not None and len(image) != MODES[mode].size):
+            self.wake(now)
+
+    def wake(self, now: int) -> None:
+        """Show what ENDs before now have left, and carry the next one out: something is about to change."""
+        if self._rest.depends is not None:
+            self._show_end(now - 1)
+        if self._rests_until >= 0:
+            self._rests_until = -1
+            if self.on_wake is not None:
+                self.on_wake(now)
 
     # -- END ---------------------------------------------------------------------------------------
 
@@ -244,14 +311,19 @@ class Plc:
         if image is not None and (end is None or end < self._image_until):
             return image
         if end is not None:
-            self._drive(end)
+            self._sources.write(self.memory, end)
         block = self.link_registers.block
         fresh = self.memory.block_image(block) if block is not None else b""
-        self._image_until = self._next_change(end)
+        self._image_until = self._sources.next_change(end) if end is not None else -1
         if image is None or fresh != image:
             self._image = fresh
             return fresh
         return image
+
+    @property
+    def same_image_until(self) -> int:
+        """Until when the block is what :meth:`image_at` returned last, unless an END is carried out."""
+        return self._image_until
 
     def _frozen_image(self) -> bytes:
         """The block as the latest END left it, which the scan under way does not change."""
@@ -260,38 +332,31 @@ class Plc:
         fresh = self.logic.image(block) if block is not None else b""
         if self._image is None or fresh != self._image:
             self._image = fresh
-        self._image_until = _NEVER  # until END says otherwise
+        self._image_until = NEVER  # until END says otherwise
         return self._image
-
-    def _next_change(self, end: int | None) -> int:
-        if end is None:
-            return -1  # the first END may change everything
-        changes = [source.next_change(end) for source in self._sources.values()]
-        return min((change for change in changes if change is not None), default=_NEVER)
-
-    def _drive(self, end: int) -> None:
-        if end == self._driven:
-            return  # else values that a port has written since would be overwritten
-        self._driven = end
-        for device, source in self._sources.items():
-            value = source.value(end)
-            self.memory.set(device, value if device.is_word else value & 1)
 
     def sync(self, now: int) -> None:
         """Bring the memory to what this PLC's latest END at or before ``now`` left in it."""
+        # With logic the END of this very tick may be still to come.
+        self._show_end(now if self.logic is None else max(now - 1, self._done))
+
+    def _show_end(self, tick: int) -> None:
         if self.state is not PlcState.RUN:
             return
-        # With logic every END is carried out when it happens.
-        if self.logic is None and (end := self.cycle.latest_end(now)) is not None:
+        logic, depends = self.logic, self._rest.depends
+        # With logic every END that is not left out is carried out when it happens.
+        if (logic is None or depends is not None) and (end := self.cycle.latest_end(tick)) is not None:
             self._refresh(end)
+            if logic is not None:
+                logic.show_specials(end, self.cycle.times(end))
         self.link_registers.publish()
 
     def _refresh(self, end: int) -> None:
         """Write sources and received blocks into the memory as of an END, once."""
-        self._drive(end)
+        self._sources.write(self.memory, end)
         if self.received is not None and end > self._taken:
             since, self._taken = self._taken, end
-            self._store_blocks(self.received(since, end))
+            self.link_registers.store_blocks(self.received(since, end))
 
     # -- ENDs that are carried out -----------------------------------------------------------------
 
@@ -303,7 +368,8 @@ class Plc:
         if self.state is not PlcState.RUN:
             return None
         if self.every_end:
-            return self.cycle.next_end(self._done + 1 if self._done >= now else now, now)
+            earliest = max(self._done + 1, self._rests_until, now)
+            return None if earliest >= NEVER else self.cycle.next_end(earliest, now)
         wanted: int | None = None
         for port in self._port_list:
             tick = port.wanted_end(now)
@@ -326,8 +392,13 @@ class Plc:
         self._done = now
         logic, port_registers, observer = self.logic, self.port_registers, self.observer
         self.record_faults(now)
-        self._refresh(now)
-        if self.every_end or (self._linked and any(port.shows_memory for port in port_registers.values())):
+        if self._rest.depends is None or self.reads_blocks:
+            self._refresh(now)
+        else:
+            self._sources.write(self.memory, now)
+        if (self.every_end and self._rest.depends is None) or (
+            self._linked and any(port.shows_memory for port in port_registers.values())
+        ):
             self.link_registers.publish()
         hints: dict[str, int] = {}
         active = 0
@@ -348,7 +419,10 @@ class Plc:
         if logic is not None:
             following = self.cycle.next_end(now + 1, now)
             logic.check_watchdog(now, following - now)
+            if self._rest.depends is not None and logic.halted:
+                logic.show_specials(now, self.cycle.times(now))
             self._report_inputs(now, following)
+        self._rests_until = self._rest_after(now, extra)
         return hints
 
     # -- what is recorded --------------------------------------------------------------------------
@@ -373,14 +447,6 @@ class Plc:
                 seen[device] = value
                 if self.observer is not None:
                     self.observer.changed(device, value, now)
-
-    def _store_blocks(self, blocks: Iterable[tuple[int, bytes]]) -> None:
-        link_registers = self.link_registers
-        if (mode := link_registers.mode) is None:
-            return
-        for station, image in blocks:
-            if station != link_registers.station and len(image) == MODES[mode].size:
-                self.memory.store_block(link_registers.range_of(station, mode), image)
 
     def read(self, name: str) -> int:
         """The value of a device by name, as the memory holds it (see :meth:`sync`)."""

@@ -7,7 +7,11 @@ that the time at which a value was written follows from it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+
+from bussim.plc.inputs import NEVER
+from bussim.plc.memory import Device, Memory
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,3 +82,26 @@ class Ramp:
 
 
 Source = Toggle | Counter | Constant | Ramp
+
+
+class Sources:
+    """Those of one PLC, by their devices."""
+
+    def __init__(self, sources: Mapping[Device, Source]) -> None:
+        self._sources = dict(sources)
+        #: The END at which they were written last.
+        self.written = -1
+
+    def write(self, memory: Memory, end: int) -> None:
+        """Write what they say at an END, once: else what a port has written since would be overwritten."""
+        if end == self.written:
+            return
+        self.written = end
+        for device, source in self._sources.items():
+            value = source.value(end)
+            memory.set(device, value if device.is_word else value & 1)
+
+    def next_change(self, end: int) -> int:
+        """When one of them has another value first after a tick, far away if none ever has."""
+        changes = [source.next_change(end) for source in self._sources.values()]
+        return min((change for change in changes if change is not None), default=NEVER)

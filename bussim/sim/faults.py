@@ -115,7 +115,7 @@ class FaultPlan:
                 self._switch(name, 1)(now)
                 return self._switch(name, -1)
             case fault_kinds.BoardError():
-                return self._board_error(kind)
+                return self._board_error(kind, now)
         node = self._nodes.get(kind.node)
         if node is None:
             return None  # the rest are faults of a port, which a PLC may do without
@@ -141,12 +141,18 @@ class FaultPlan:
             case _:
                 assert_never(kind)
 
-    def _board_error(self, kind: fault_kinds.BoardError) -> Undo:
+    def _board_error(self, kind: fault_kinds.BoardError, now: int) -> Undo:
         unit = self._units[kind.node]
         assert isinstance(unit, PlcUnit)  # noqa: S101 - narrows the type; only PLCs have boards
         plc = unit.plc
+        plc.wake(now)
         plc.board_error(kind.port, kind.code)
-        return lambda _: plc.board_error_over(kind.port, kind.code)
+
+        def over(now: int) -> None:
+            plc.wake(now)
+            plc.board_error_over(kind.port, kind.code)
+
+        return over
 
     def _jabber(self, name: str, node: Node, now: int) -> Undo:
         jabber = JabberSender(node, self._kernel, self._streams.uniforms("jabber", name))

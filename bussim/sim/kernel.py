@@ -22,13 +22,13 @@ from simpy.events import EventPriority
 
 #: Order of things at one tick (fixed by the model): the end of a run, faults, then what was completely
 #: heard, then what engines do at their deadlines, then ENDs, then transmissions. Most ENDs are no events;
-#: looked up at its tick such a one counts as done.
+#: looked up at its tick such a one counts as done. Up to SENDING there is one for each PLC's ENDs.
 _STOP: Final = EventPriority(0)
 FAULT: Final = EventPriority(1)
 HEARING: Final = EventPriority(2)
 DEADLINES: Final = EventPriority(3)
 END: Final = EventPriority(4)
-SENDING: Final = EventPriority(5)
+SENDING: Final = EventPriority(1 << 20)
 
 #: A tick that is never reached.
 NEVER: Final = 1 << 62

@@ -78,6 +78,9 @@ class Simulation:
     is external as a whole or not at all: its stations that are on no such line are not simulated.
     """
 
+    #: Whether PLCs may leave ENDs out that change nothing (a test compares runs with and without).
+    may_rest = True
+
     def __init__(self, scenario: model.Scenario, sink: Sink, lines: Lines | None = None) -> None:
         self._scenario = scenario
         self._sink = sink
@@ -169,6 +172,8 @@ class Simulation:
         for port in ports:
             self.nodes[port.name] = port
             port.plc.received = _visible(bus, port.position)
+            if port.plc.every_end:
+                bus.block_history.on_news.append(port.plc.received_news)
 
     def _build_serial_bus(self, spec: model.Bus) -> None:
         ports = {
@@ -204,7 +209,9 @@ class Simulation:
         for name, plc in self.plcs.items():
             link = self.nodes.get(name)
             ports = [node for node in self.nodes.values() if isinstance(node, PlcPort) and node.plc is plc]
-            clock = EndClock(plc, self.kernel, ports) if plc.has_ends else None
+            clock = EndClock(plc, self.kernel, ports, len(units)) if plc.has_ends else None
+            if self.may_rest and name not in timed:
+                plc.may_rest()
             self._probes.append(PlcProbe(plc, programs[name], self._sink, ends=name in timed))
             units[name] = PlcUnit(
                 plc, link if isinstance(link, LinkPort) else None, ports, clock, self._ends.record

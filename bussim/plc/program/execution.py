@@ -38,6 +38,7 @@ from bussim.plc.program.machine import (
     Ports,
 )
 from bussim.plc.program.program import LINK_SETTINGS, Program
+from bussim.plc.program.rest import Dependence, rests_until, state_of
 from bussim.plc.program.text.catalog import Flow
 from bussim.plc.program.text.flow import MAX_CALLS
 from bussim.plc.system_devices import WATCHDOG, SystemDevices
@@ -89,15 +90,19 @@ class ProgramRun:
         self._m, self._d = memory.bits("M"), memory.words("D")
         self._calls: list[int] = []
         self._watched = 0
+        #: Until when the scans to come would do what the latest has done, which changed nothing; else -1.
+        self.rests_until = -1
+        self._depends: Dependence | None = None
         self._system = SystemDevices(memory, power_on)
         self._begun = 0  # the latest scan
         self._times = (0, 0, 0)  # the scan before it, the shortest and the longest since RUN
+        self._loops = [0] * len(program.blocks)
         self._blocks = blocks(
             program,
             self._machine,
             calls=self._calls,
             call=self._call,
-            loops=[0] * len(program.blocks),
+            loops=self._loops,
             watch=self._watch,
         )
         first = program.blocks[0].exit
@@ -105,6 +110,14 @@ class ProgramRun:
         self._straight = first is not None and first.flow in (Flow.END, Flow.FEND)
         if not self._d[8000]:
             self._d[8000] = WATCHDOG
+
+    def may_rest(self, depends: Dependence) -> None:
+        """From now on tell when scans need not be carried out (:attr:`rests_until`).
+
+        Special devices show no later scan than the second then, unless :meth:`show` is called.
+        """
+        self._depends = depends
+        self._state = state_of(self.program, depends, self._machine, self._loops)
 
     # -- RUN, STOP and scans -----------------------------------------------------------------------
 
@@ -123,6 +136,7 @@ class ProgramRun:
         for word in (ERROR_CODE, LATCHED_STEP, ERROR_STEP, 8061):
             self._d[word] = 0
         self._times = (0, 0, 0)
+        self.rests_until = -1
         self._system.scan(now, self._times)
         m[LINK_SETTINGS] = self.program.sets_link_at_step_0
         self.halted = 0
@@ -158,11 +172,15 @@ class ProgramRun:
         machine, m = self._machine, self._m
         machine.now[0] = now - self._origin
         machine.scan[0] = number = machine.scan[0] + 1
-        if number > 1:
+        depends = self._depends if self._times[0] else None  # M8002 and M8038 are off by then
+        if depends is not None:
+            before = self._state()
+        elif number > 1:
             latest, (_, shortest, longest) = now - self._begun, self._times
             self._times = (latest, min(shortest or latest, latest), max(longest, latest))
         self._begun = now
-        self._system.scan(now, self._times)
+        if depends is None or depends.clocks:
+            self._system.scan(now, self._times)
         if number == 2:
             m[LINK_SETTINGS] = 0
         if self._has_masters:
@@ -179,7 +197,19 @@ class ProgramRun:
         total = spent[0]
         if self.unwatched > self._d[8000] * _NS_PER_MS and not self.halted:
             self.halt()
+        if depends is not None:
+            self.rests_until = rests_until(depends, machine) if self._state() == before else -1
         return ticks_of(total)
+
+    def show(self, end: int, times: tuple[int, int, int]) -> None:
+        """Show the special devices as the scan that begins with an END finds them.
+
+        ``times`` are of whole scans, see :meth:`bussim.plc.scan.ScanCycle.times`.
+        """
+        latest, shortest, longest = times
+        _, *first = self._times  # from RUN to the first END
+        bounds = min(first[0] or shortest, shortest), max(first[1], longest)
+        self._system.scan(end, (latest, *bounds) if latest else self._times)
 
     def _run_blocks(self) -> None:
         """Carry the blocks out in the order that the program's jumps determine."""

@@ -10,7 +10,7 @@ history reaches back as far as some PLC's latest END can lie behind.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 
 #: Histories are pruned only when they have grown past this.
 _SLACK = 16
@@ -59,9 +59,24 @@ class BlockHistory:
         self._stations: dict[int, _Histories] = {}
         #: When some station received a block last.
         self.latest = -1
+        #: Called with a station, its block and the tick where another one came than the one before.
+        self.on_news: list[Callable[[int, bytes, int], None]] = []
+
+    def is_news(self, station: int, image: bytes) -> bool:
+        """Whether some receiver may have got another block of a station last than this one."""
+        histories = self._stations.get(station)
+        return (
+            histories is None
+            or bool(histories.own)
+            or not histories.common
+            or histories.common[-1][1] != image
+        )
 
     def received(self, station: int, tick: int, image: bytes, missed: Collection[int] = ()) -> None:
         """Every position but ``missed`` (and the sender, which ignores it) received a station's block."""
+        if self.on_news and self.is_news(station, image):
+            for news in self.on_news:
+                news(station, image, tick)
         self.latest = tick
         histories = self._stations.get(station)
         if histories is None:
@@ -80,6 +95,8 @@ class BlockHistory:
 
     def received_by(self, position: int, station: int, tick: int, image: bytes) -> None:
         """One position received a block that the others did not (or not as a whole frame)."""
+        for news in self.on_news:
+            news(station, image, tick)
         self.latest = tick
         own = self._stations.setdefault(station, _Histories()).split(position)
         own.append((tick, image))

@@ -10,7 +10,7 @@ the last byte with and without, which a test compares.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import zip_longest
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -63,6 +63,8 @@ class BlockPath:
             return False
         bus.unwatch()
         until = min(kernel.next(), bus.disturber.calm_until(now))
+        if any(other.plc.reads_blocks for other in stations.receiving):
+            until = min([until, *self._same_until(stations, now)])
         scans = self._scans(stations, now, until)
         if scans is not None:
             self._pass(stations, scans, now)
@@ -95,6 +97,12 @@ class BlockPath:
         if len(by_station) < len(slaves) or not by_station.keys() >= set(numbers):
             return None
         return _Stations(port, master, [by_station[number] for number in numbers], slaves, receiving)
+
+    def _same_until(self, stations: _Stations, now: int) -> Iterator[int]:
+        """Until when each station's block is the one that all have received last; now: it is another."""
+        for station, other in enumerate((stations.port, *stations.polled)):
+            news = self._bus.block_history.is_news(station, other.plc.image_at(now))
+            yield now if news else other.plc.same_image_until
 
     def _scans(self, stations: _Stations, now: int, until: int) -> OrdinaryScans | None:
         """The ordinary scans from now on whose last reply ends before ``until``, in one block; None: none."""

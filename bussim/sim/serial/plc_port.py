@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import assert_never
 
+from simpy.events import EventPriority
+
 from bussim.engines.contract import SERVE
 from bussim.engines.free.engine import FreePort
 from bussim.engines.free.events import CharacterDamaged, Received, Sent
@@ -115,10 +117,13 @@ class PlcPort(SerialNode):
 class EndClock:
     """Carries out those ENDs of a PLC that some port of it waits for; other ENDs are no events."""
 
-    def __init__(self, plc: Plc, kernel: Kernel, ports: Iterable[PlcPort]) -> None:
+    def __init__(self, plc: Plc, kernel: Kernel, ports: Iterable[PlcPort], number: int) -> None:
         self._plc = plc
         self._ports = {port.port_registers.spec.name: port for port in ports}
-        self._timer = kernel.timer(self._on_end, END)
+        # Those of one tick come in the order of PLCs, whether some were left out before or not.
+        priority = EventPriority(END + number) if plc.every_end else END
+        self._timer = kernel.timer(self._on_end, priority)
+        plc.on_wake = self.schedule_end
         for port in self._ports.values():
             port.clock = self
 

@@ -1,0 +1,146 @@
+"""What a program's scans depend on, so that those that would change nothing need not be carried out.
+
+What a scan does depends on the devices that its program names, on what its machine remembers of the scans
+before, and on the time where a timer counts or a clock of the PLC is named. A scan that has left all of it as
+it was is followed by others that do the same, until an input, a received block, a clock or a timer changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from bussim.plc.inputs import NEVER
+from bussim.plc.link_devices import LINK_STATUS
+from bussim.plc.memory import FIRST_SPECIAL, BlockRange, Device, device_ranges
+from bussim.plc.program.instructions.coils import unit_of
+from bussim.plc.program.machine import Machine
+from bussim.plc.program.program import Program
+from bussim.plc.program.text.catalog import Flow, LadderRole
+from bussim.plc.program.text.operand_checks import Extent, extents, slots_of
+from bussim.units import TICKS_PER_MS
+
+#: Half the periods of clocks that a program may name, by M's address; M8011's is shorter than a scan.
+_CLOCKS = {8012: 50 * TICKS_PER_MS, 8013: 500 * TICKS_PER_MS, 8014: 30_000 * TICKS_PER_MS}
+#: Special devices that from the second scan on change by the program alone.
+_STEADY = device_ranges("M8000-8003 M8020-8022 M8024 M8038 M8179 D8176-8180")
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """What a program's scans depend on: devices, half periods of clocks in ticks, timers with their units."""
+
+    devices: tuple[Extent, ...] = ()
+    clocks: tuple[int, ...] = ()
+    timers: tuple[tuple[int, int], ...] = ()
+
+    def touches(self, block: BlockRange, *, writes: bool = False) -> bool:
+        """Whether the program names a device of a block, or writes one."""
+        parts = (("M", False, block.bit, block.bits), ("D", True, block.word, block.words))
+        return any(
+            (at.letter, at.word) == (letter, word)
+            and at.first < first + count
+            and at.last >= first
+            and (at.writes or not writes)
+            for at in self.devices
+            for letter, word, first, count in parts
+        )
+
+
+@lru_cache(maxsize=64)
+def dependence(program: Program) -> Dependence | None:
+    """What a program's scans depend on; None where that is not known before it runs, or always changes."""
+    devices: list[Extent] = []
+    clocks: set[int] = set()
+    timers: dict[int, int] = {}
+    status = LINK_STATUS[program.family].values()
+    for at in program.instructions:
+        slots = slots_of(at.form, at.operands)
+        counts = {slot.by for slot in slots if slot.by}
+        unknown = any(
+            slot.name in counts and operand.constant is None
+            for slot, operand in zip(slots, at.operands, strict=True)
+        )
+        if unknown or at.spec.group == "serial" or any(operand.index is not None for operand in at.operands):
+            return None
+        found = extents(at, backwards=True)
+        devices += found
+        for extent in found:
+            if extent.letter in "MD" and extent.last >= FIRST_SPECIAL:
+                if extent.letter == "M" and extent.first == extent.last in _CLOCKS:
+                    clocks.add(_CLOCKS[extent.first])
+                elif not any(
+                    each.letter == extent.letter and each.first <= extent.first and extent.last <= each.last
+                    for each in _STEADY
+                ):
+                    return None
+            elif any(extent.holds(device.letter, device.address, word=device.is_word) for device in status):
+                return None
+        if at.name == "OUT" and at.operands[0].kind == "T":
+            timers[at.operands[0].address] = unit_of(at.operands[0].address, at.operands[0].family)
+    if any(at.spec.flow is Flow.STL for at in program.instructions):
+        devices.append(Extent("S", 0, 4095, word=False, writes=True))
+    return Dependence(tuple(devices), tuple(clocks), tuple(timers.items()))
+
+
+def state_of(
+    program: Program, found: Dependence, machine: Machine, loops: list[int]
+) -> Callable[[], list[Any]]:
+    """A function that copies all that a scan may change and the next one may depend on."""
+    reached: dict[tuple[bool, str, bool], tuple[int, int]] = {}
+    written = (
+        extent
+        for at in program.instructions
+        if at.spec.role is not LadderRole.CONTACT
+        for extent in extents(at, backwards=True)
+    )
+    flags = Extent("M", 8020, 8022, word=False, writes=True)
+    for extent in (*written, *(at for at in found.devices if at.letter == "S"), flags):
+        # Of timers and counters an instruction may mean the contact, the value or both.
+        for word in (False, True) if extent.letter in "TC" else (extent.word,):
+            key = extent.first >= FIRST_SPECIAL, extent.letter, word
+            first, last = reached.get(key, (extent.first, extent.last))
+            reached[key] = min(first, extent.first), max(last, extent.last)
+    parts: list[tuple[Any, int, int]] = [
+        (machine.words[letter] if word else machine.bits[letter], first, last + 1)
+        for (_, letter, word), (first, last) in reached.items()
+    ]
+    letters = {extent.letter for extent in found.devices}
+    remembered: list[Any] = [machine.earlier, machine.levels, loops]
+    if "C" in letters:
+        remembered.append(machine.counter_input)
+    remembered += [machine.held[letter] for letter in letters & set("TC")]
+    parts += [(each, 0, len(each)) for each in remembered]
+    return lambda: [array[first:last] for array, first, last in parts]
+
+
+def rests_until(found: Dependence, machine: Machine) -> int:
+    """Until which tick scans go on doing what the latest did, which has left everything as it was."""
+    if machine.going:
+        return -1
+    now, scan, contacts = machine.now[0], machine.scan[0], machine.bits["T"]
+    units = [
+        unit for number, unit in found.timers if machine.timer_scan[number] == scan and not contacts[number]
+    ]
+    return min(((now // unit + 1) * unit + machine.origin for unit in (*units, *found.clocks)), default=NEVER)
+
+
+class Rest:
+    """Whether a PLC's ENDs may be left out; ``depends`` is None where none may."""
+
+    def __init__(self, depends: Dependence | None, observed: Collection[Device]) -> None:
+        self.depends = depends
+        self._observed = observed
+        #: Whether any may be since RUN, and whether received blocks may change what they do.
+        self.possible = depends is not None
+        self.reads_blocks = False
+
+    def find_blocks(self, blocks: Sequence[BlockRange]) -> None:
+        """RUN: where other stations' blocks are. What is written there the next block undoes."""
+        if (depends := self.depends) is not None:
+            self.possible = not any(depends.touches(block, writes=True) for block in blocks)
+            self.reads_blocks = any(
+                depends.touches(block) or any(map(block.holds, self._observed)) for block in blocks
+            )

@@ -1,0 +1,128 @@
+"""Random scenarios whose PLCs have programs, inputs and observed devices beside noises and faults."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from random import Random
+
+from bussim.plc.inputs import InputSpec, Pulse, RandomInput, Square, Times
+from bussim.plc.program.program import Program
+from bussim.scenario import model
+from tests.sim import chance
+from tests.sim.build import MS
+
+
+def _contact(rng: Random, own: int, spacing: int) -> str:
+    other = rng.choice([0, 1, 2, 3])
+    plain = [f"X{rng.randrange(3)}", f"M{rng.randrange(6)}", f"M{1000 + 64 * own + rng.randrange(3)}"]
+    rare = [
+        f"M{1000 + 64 * other}",
+        "M8000",
+        "M8002",
+        "M8012",
+        "M8013",
+        "M8022",
+        "S0",
+        "T0",
+        "T200",
+        "T192",
+        "C0",
+    ]
+    device = rng.choice(plain if rng.random() < 0.6 else rare)
+    name = rng.choice(["LD", "LD", "LDI", "LDP", "LDF"])
+    if rng.random() < 0.1:
+        return f"LD{rng.choice('=<>')} D{rng.choice([10, 11, spacing * other])} K{rng.randrange(4)}"
+    return "LD M8011" if rng.random() < 0.01 else f"{name} {device}"
+
+
+def _output(rng: Random, own: int, spacing: int) -> str:
+    word = spacing * own + 1 + rng.randrange(3)
+    bit = rng.choice(
+        [f"M{rng.randrange(6)}", f"M{1000 + 64 * own + rng.randrange(3)}", f"Y{rng.randrange(3)}"]
+    )
+    other = spacing * rng.choice([0, 1, 2])
+    choices = [
+        f"OUT {bit}",
+        f"OUT {bit}",
+        f"SET {bit}",
+        f"RST {bit}",
+        f"PLS M{rng.randrange(6)}",
+        f"MOV K{rng.randrange(9)} D{word}",
+        f"MOV D{other} D{word}",
+        f"MOV T0 D{word}",
+        "MOV C0 D10",
+        "OUT T0 K3",
+        "OUT T200 K7",
+        "OUT T192 K2",
+        "OUT T246 K80",
+        "RST T246",
+        "OUT C0 K2",
+        "RST C0",
+        "INCP D11",
+        f"ADD D{word} K1 D10",
+        "ALTP M5",
+        "DIVP D11 D10 D12",
+        "CMP K2 D10 M0",
+        "SFTLP X0 M0 K4 K1",
+        "SET S0",
+        "RST S0",
+    ]
+    rare = [
+        "INC D10",
+        f"MOV K7 D{other}",
+        "MOV D8010 D10",
+        "MOV D8000 D10",
+        "MOV K300 D8000",
+        "MOV D10 D20Z0",
+    ]
+    return rng.choice(rare if rng.random() < 0.02 else choices)
+
+
+def program(rng: Random, own: int, spacing: int, name: str) -> Program:
+    """A random program that comes to rest more often than not."""
+    lines = []
+    for number in range(rng.randint(1, 5)):
+        lines.append(_contact(rng, own, spacing))
+        kind = rng.random()
+        if kind < 0.05:
+            lines += [f"CJ P{number}", _contact(rng, own, spacing), _output(rng, own, spacing), f"P{number}"]
+        elif kind < 0.1:
+            lines += ["MC N0 M4", _contact(rng, own, spacing), _output(rng, own, spacing), "MCR N0"]
+        elif kind < 0.13:
+            lines[-1:] = ["FOR K2", lines[-1], _output(rng, own, spacing), "NEXT"]
+        else:
+            lines.append(_output(rng, own, spacing))
+    return Program.parse("\n".join([*lines, "END"]), name)
+
+
+def _stimulus(rng: Random) -> InputSpec:
+    return rng.choice(
+        [
+            Square(rng.randint(20, 400) * MS, rng.randint(0, 50) * MS),
+            Pulse(rng.randint(1, 60) * MS, rng.randint(0, 300) * MS, rng.choice([None, 90 * MS])),
+            RandomInput(80 * MS, 60 * MS),
+            Times((30 * MS, 31 * MS, 200 * MS)),
+        ]
+    )
+
+
+def scenario(seed: int, seconds: float = 0.7) -> model.Scenario:
+    """A random scenario of the link's with programs in most PLCs, the same for the same seed."""
+    made, rng = chance.scenario(seed, seconds), Random(seed)
+    plcs = []
+    for spec in made.plcs:
+        own, spacing = spec.registers["D8176"], spec.profile.word_spacing
+        changes: dict[str, object] = {}
+        if rng.random() < 0.8:
+            changes["program"] = program(rng, own, spacing, spec.name)
+            changes["sources"] = {}
+        if rng.random() < 0.7:
+            changes["inputs"] = {f"X{point}": _stimulus(rng) for point in range(3) if rng.random() < 0.7}
+        if rng.random() < 0.4:
+            names = ["M0", "Y0", "D10", f"M{1000 + 64 * own}", f"M{1064 - 64 * own % 128}", "D0", "X0"]
+            changes["observed"] = tuple(rng.sample(names, 3))
+        if rng.random() < 0.3:
+            changes["scan"] = model.Scan(10 * MS)  # ENDs of several PLCs at one tick
+            changes["phase"] = 0
+        plcs.append(replace(spec, **changes))
+    return replace(made, plcs=tuple(plcs))
