@@ -6,7 +6,11 @@ import atexit
 import os
 import signal
 import sys
+import threading
 from typing import NoReturn
+
+#: After so many seconds a signal that was lost is sent again: what lost it is over then.
+_AGAIN_SECONDS = 0.05
 
 
 def program() -> NoReturn:
@@ -22,10 +26,20 @@ def program() -> NoReturn:
     def terminate(*_: object) -> None:
         raise Terminated
 
+    def unraisable(lost: sys.UnraisableHookArgs) -> None:
+        # A signal that comes while a callback of the interpreter runs (of a weak reference, say) would be
+        # lost there, and the command would go on: it is sent again.
+        if not issubclass(lost.exc_type, (KeyboardInterrupt, Terminated)):
+            sys.__unraisablehook__(lost)
+            return
+        number = signal.SIGTERM if issubclass(lost.exc_type, Terminated) else signal.SIGINT
+        threading.Timer(_AGAIN_SECONDS, os.kill, (os.getpid(), number)).start()
+
     if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, terminate)
+    sys.unraisablehook = unraisable
     code = main()
     if code in (INTERRUPTED, TERMINATED):
         # With -m, Python ends itself by SIGINT (-2, not 130) once an interrupt has left a text's exec(), as

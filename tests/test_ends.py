@@ -19,6 +19,7 @@ from bussim.cli import main
 from bussim.errors import RunError, UsageError
 from bussim.files import written_whole
 from bussim.results.store.folder import RunFolder
+from bussim.sweep.executors import _signals_later
 
 ROOT = Path(__file__).parents[1]
 posix = pytest.mark.skipif(sys.platform == "win32", reason="devices, pipes and signals of POSIX")
@@ -281,3 +282,56 @@ def test_a_signal_ends_a_command_in_order(
     assert (out, error.strip().count("\n")) == ("", 0), error
     assert error.strip().startswith("stopped: ")
     assert {path.name for path in tmp_path.iterdir()} <= {"o.incomplete"}
+
+
+LOST_IN_A_CALLBACK = """
+import os, sys
+import bussim.cli
+from bussim.__main__ import program
+
+class Callback:
+    def __del__(self):
+        os.kill(os.getpid(), int(sys.argv.pop()))
+
+def main(real=bussim.cli.main):
+    Callback()
+    return real()
+
+bussim.cli.main = main
+program()
+"""
+
+
+@posix
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_in_a_callback_of_the_interpreter_is_not_lost(
+    number: signal.Signals, code: int, tmp_path: Path
+) -> None:
+    """What is raised in one is only printed: the command would go on to its end."""
+    words = ["run", "--duration", "100h", "--out", "o", str(int(number))]
+    process = subprocess.run(
+        [sys.executable, "-c", LOST_IN_A_CALLBACK, *words],
+        capture_output=True,
+        check=False,
+        text=True,
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    assert (process.returncode, process.stdout) == (code, "")
+    assert process.stderr.strip() == "stopped"
+
+
+@posix
+def test_a_signal_waits_until_workers_are_started() -> None:
+    before = signal.getsignal(signal.SIGINT)
+    started = []
+
+    def start() -> None:
+        with _signals_later():
+            os.kill(os.getpid(), signal.SIGINT)
+            started.append("whole")
+
+    with pytest.raises(KeyboardInterrupt):
+        start()
+    assert started == ["whole"]
+    assert signal.getsignal(signal.SIGINT) is before

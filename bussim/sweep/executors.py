@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import os
 import re
+import signal
 import sys
 import threading
 import time
 import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, contextmanager
 from itertools import islice
+from types import FrameType
 from typing import Any, Self
 
 from bussim.errors import RunError, UsageError
@@ -77,18 +79,44 @@ class LocalExecutor(Executor):
             initializer=_end_with,
             initargs=(os.getpid(),),
         )
-        outcomes = pool(joblib.delayed(run_job)(job) for job in jobs)
+        outcomes: Any = None
         try:
+            with _signals_later():  # one within would leave a worker half-started, and nothing to close
+                outcomes = pool(joblib.delayed(run_job)(job) for job in jobs)
             # Not with yield from, which would close the other generator by itself.
             while (outcome := next(outcomes, None)) is not None:
                 yield outcome
         except BrokenProcessPool as error:
             raise WorkerLost("a worker process died (is there enough memory?)") from error
         finally:
+            hook = threading.excepthook
             with warnings.catch_warnings():
-                # joblib complains that tasks were given up, which is what closing is for.
+                # joblib complains that tasks were given up, which is what closing is for, and its thread
+                # may meet one that has just been taken from it.
                 warnings.simplefilter("ignore", UserWarning)
-                outcomes.close()
+                threading.excepthook = lambda _: None
+                if outcomes is not None:
+                    outcomes.close()
+            threading.excepthook = hook
+
+
+@contextmanager
+def _signals_later() -> Generator[None]:
+    """While it is open, Ctrl-C and SIGTERM wait; the last one is handled at the end. Main thread only."""
+    came: list[tuple[int, FrameType | None]] = []
+    before: dict[int, Callable[[int, FrameType | None], Any]] = {}
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGINT, signal.SIGTERM):
+            if callable(handler := signal.getsignal(number)):
+                before[number] = handler
+                signal.signal(number, lambda *args: came.append(args))
+    try:
+        yield
+    finally:
+        for held, handler in before.items():
+            signal.signal(held, handler)
+    for last, frame in came[-1:]:
+        before[last](last, frame)
 
 
 def _end_with(parent: int) -> None:
