@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from bussim.exact.sizing.sized import Sized, size
     from bussim.exact.solution import Exact, exact
     from bussim.scenario.model import Scenario
+    from bussim.site.result import SiteResult, site
     from bussim.sweep.result import SweepResult
     from bussim.sweep.run import sweep
 
@@ -42,6 +43,7 @@ __all__ = [
     "RunError",
     "Scenario",
     "ScenarioError",
+    "SiteResult",
     "Sized",
     "SweepResult",
     "UsageError",
@@ -55,6 +57,7 @@ __all__ = [
     "plot_scan_times",
     "report",
     "run",
+    "site",
     "size",
     "sweep",
     "timeline",
@@ -69,13 +72,14 @@ _HOMES = {
     "bussim.exact.sizing.sized": ("Sized", "size"),
     "bussim.exact.solution": ("Exact", "exact"),
     "bussim.scenario.model": ("Scenario",),
+    "bussim.site.result": ("SiteResult", "site"),
     "bussim.sweep.result": ("SweepResult",),
     "bussim.sweep.run": ("sweep",),
 }
 
 
 class _Folder(ModuleType):
-    """A folder of this package that is called as the function of its name: exact, report, sweep."""
+    """A folder of this package that is called as the function of its name: exact, report, site, sweep."""
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         return self.__wrapped__(*args, **kwargs)

@@ -51,10 +51,6 @@ def test_what_a_notebook_imports_is_there(path: Path) -> None:
             assert [each.name for each in node.names if not hasattr(module, each.name)] == []
 
 
-#: What is read on site has no function of its own in ``bussim`` yet.
-INNER = {"9_registers_on_site": "bussim.site"}
-
-
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_imports_public_names_only(path: Path) -> None:
     cells = [cell.source for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"]
@@ -64,8 +60,7 @@ def test_a_notebook_imports_public_names_only(path: Path) -> None:
             inner.append(node.module or "")
         elif isinstance(node, ast.Import):
             inner += [each.name for each in node.names if each.name != "bussim"]
-    allowed = INNER.get(path.stem, "none")
-    assert [each for each in inner if each.startswith("bussim") and not each.startswith(allowed)] == []
+    assert [each for each in inner if each.startswith("bussim")] == []
 
 
 def keys_of(data: Any) -> Iterator[str]:

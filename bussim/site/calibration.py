@@ -17,9 +17,9 @@ from typing import Any
 
 from bussim.engines.nn.codes import MASTER_SILENT
 from bussim.engines.nn.frames import PARAMETERS_CHARS, POLL_CHARS, data_chars
-from bussim.exact.link import frame_ticks
+from bussim.exact.link import TIMEOUT_UNIT, frame_ticks
 from bussim.plc.profiles import PROFILES, AbsentStation, Attempts, ErrorCount, Reply, attempts_per_poll
-from bussim.site.readout import COUNT, Calibration, Experiment
+from bussim.site.readout import COUNT, START, Calibration, Experiment
 from bussim.units import TICKS_PER_MS, format_time, milliseconds
 
 FIELDS = ("attempts", "absent_station", "error_count", "reply", "link_scan_unit")
@@ -29,18 +29,28 @@ _UNITS = tuple(TICKS_PER_MS * Fraction(factor) for factor in (Fraction(1, 10), 1
 _SPREAD = TICKS_PER_MS / 10
 #: Attempts are whole to so much, or the rule is wrong.
 _WHOLE = 0.3
+#: A scan is not so many times longer or shorter than its frames, in the nearest unit.
+_LIKE = 5
+#: A cut that lasts for fewer scans than this for each cut does not tell counts of scans from those of cuts.
+_LONG = 10
+#: The least D8180 that the manuals have (x 10 ms).
+FLOOR = 5 * TIMEOUT_UNIT
 #: A count of one a scan is at least such a part of what the scans allow.
 _MANY = 0.3
 
 
 @dataclass(slots=True)
 class Found:
-    """Fields decided; times in ms (value, low, high); what is open and what no rule explains, and why."""
+    """Fields decided; times in ms (value, low, high); what is open and what no rule explains, and why.
+
+    ``checked`` says what was found to hold, or how a short timeout is taken; no field of a profile has it.
+    """
 
     fields: dict[str, str] = field(default_factory=dict)
     times: dict[str, tuple[float, float, float]] = field(default_factory=dict)
     open: dict[str, str] = field(default_factory=dict)
     unexplained: list[str] = field(default_factory=list)
+    checked: list[str] = field(default_factory=list)
 
     def to_json(self) -> dict[str, Any]:
         """The result as plain data."""
@@ -52,6 +62,7 @@ class Found:
             },
             "open": [f"{name}: {why}" for name, why in self.open.items()],
             "unexplained": list(self.unexplained),
+            "checked": list(self.checked),
         }
 
     def profile(self, base: Mapping[str, object]) -> dict[str, Any]:
@@ -100,6 +111,8 @@ class _Decoder:
         for each in cuts:
             self._cut(each, gap)
         self._listeners()
+        self._slow_master()
+        self._floor(gap)
         self._times(slot, cuts)
 
     def _ticks(self, experiment: Experiment) -> float:
@@ -124,6 +137,11 @@ class _Decoder:
         shown = max(1.0, median_high(experiment.reading.looks))
         unit = min(_UNITS, key=lambda one: abs(log(expected / float(one) / shown)))
         self.unit = float(unit)
+        if not 1 / _LIKE < expected / self.unit / shown < _LIKE:
+            text = (
+                f"D8201 is {shown:.0f}, and frames and turnarounds take about {milliseconds(expected):.0f} ms"
+            )
+            self.found.unexplained.append(text)
         self._decide("link_scan_unit", format_time(int(unit)), "all")
 
     def _reply(self) -> None:
@@ -157,7 +175,13 @@ class _Decoder:
             or self.all.slaves == self.one.slaves
         ):
             return None
-        return (self._ticks(self.all) - self._ticks(self.one)) / (self.all.slaves - self.one.slaves)
+        more = self.all.slaves - self.one.slaves
+        slot = (self._ticks(self.all) - self._ticks(self.one)) / more
+        if slot + 2 * self.unit / more >= self.poll + self.data:
+            return slot
+        text = f"an exchange takes {milliseconds(slot):.1f} ms by all and one, and its frames alone"
+        self.found.unexplained.append(f"{text} {milliseconds(self.poll + self.data):.1f} ms")
+        return None
 
     def _attempts(self, ticks: float, experiment: Experiment, gap: float) -> float:
         """How many attempts a scan with one slave off has room for."""
@@ -172,7 +196,7 @@ class _Decoder:
             shown = self._attempts(self._ticks(experiment), experiment, gap)
             made = round(shown)
             whole = abs(shown - made) <= _WHOLE and made in {1, *allowed.values()}
-            if not whole and self.found.fields.get("reply") != Reply.INTERRUPT.value:
+            if not whole and shown > 0.5 and self.found.fields.get("reply") != Reply.INTERRUPT.value:
                 for each in ("absent_station", "attempts"):  # a scan's waits for END are no part of the rule
                     self._leave(
                         each, f"{shown:.2f} attempts by {name}, with waits for END that are not known"
@@ -222,7 +246,9 @@ class _Decoder:
             self._leave("error_count", "D8203+k of the slave that was cut was not read")
             return
         scans = (cut.last_for or 0) / self._ticks(experiment) if reading.looks else 0.0
-        if scans and count >= max(_MANY * scans, 2 * cut.times + 1):
+        if 0 < scans < _LONG * cut.times:
+            self._leave("error_count", f"the last cut of {experiment.name} lasted for {scans:.1g} scans only")
+        elif scans and count >= max(_MANY * scans, 2 * cut.times + 1):
             self._decide("error_count", ErrorCount.PER_SCAN.value, experiment.name)
         elif count <= 2 * cut.times:
             self._decide("error_count", ErrorCount.ON_EDGE.value, experiment.name)
@@ -232,14 +258,60 @@ class _Decoder:
             )
 
     def _listeners(self) -> None:
-        """Slaves count the master's absence once: else what they count tells nothing of noise."""
+        """Slaves count the master's absence once, and a slave's alike: else what they count is of no use."""
         check = self.given.experiments.get("listeners")
         count = None if check is None else check.reading.values.get(f"D{COUNT}")
-        if check is None or count is None:
+        if check is not None and count is not None:
+            times = check.cut.times if check.cut is not None else 1
+            if count != times or check.reading.values.get("D8211", MASTER_SILENT) != MASTER_SILENT:
+                self.found.open["listeners"] = f"a slave counts {count} for {times} absences of the master"
+            else:
+                self.found.checked.append("a slave counts each absence of the master once")
+        for each in self.given.experiments.values():
+            counts = ", ".join(map(str, each.at_slaves))
+            if each.at_slaves and max(each.at_slaves) - min(each.at_slaves) > START:
+                self.found.open["listeners"] = f"slaves count {counts} about one that was cut"
+            elif each.at_slaves:
+                self.found.checked.append(f"slaves count alike about one that was cut ({counts})")
+
+    def _slow_master(self) -> None:
+        """The master's PLC scan is no part of a link scan, or the rules are others."""
+        slow = self.given.experiments.get("master_slow")
+        usual = next(
+            (each for each in (self.all, self.one) if each and slow and each.slaves == slow.slaves), None
+        )
+        if slow is None or usual is None or not (slow.reading.looks and usual.reading.looks):
             return
-        times = check.cut.times if check.cut is not None else 1
-        if count != times or check.reading.values.get("D8211", MASTER_SILENT) != MASTER_SILENT:
-            self.found.open["listeners"] = f"a slave counts {count} for {times} absences of the master"
+        now, before = self._ticks(slow), self._ticks(usual)
+        if abs(now - before) <= 2.5 * self.unit:
+            self.found.checked.append("D8201 does not rise with the master's PLC scan")
+            return
+        seen = f"{milliseconds(now):.1f} ms instead of {milliseconds(before):.1f} ms"
+        self.found.unexplained.append(f"D8201 rises with the master's PLC scan: it is {seen}")
+
+    def _floor(self, gap: float) -> None:
+        """How a D8180 below 5 is taken: as an error, as 50 ms, or as it is. A slave that is off tells it."""
+        for name in ("floor_40", "floor_30"):
+            if (each := self.given.experiments.get(name)) is None:
+                continue
+            what, values = f"D8180 = {each.timeout // TIMEOUT_UNIT}", each.reading.values
+            absent, meaning = (self.found.fields.get(name) for name in ("absent_station", "attempts"))
+            if values.get("M8063") or values.get("D8063"):
+                self.found.checked.append(
+                    f"{what} is a parameter error (D8063 = {values.get('D8063', 'not read')})"
+                )
+            elif each.cut is None or not each.reading.looks or absent is None or meaning is None:
+                self.found.open[what] = "only D8201 with a slave off tells it, and what that slave costs"
+            else:
+                probes = absent == AbsentStation.PROBE.value
+                made = 1 if probes else attempts_per_poll(Attempts(meaning), each.retries)
+                took = self._attempts(self._ticks(each), each, gap) * (gap + self.poll + each.timeout) / made
+                timeout = took - gap - self.poll
+                near = min((each.timeout, FLOOR), key=lambda one: abs(one - timeout))
+                taken = "as it is" if near == each.timeout else f"as {format_time(FLOOR)}"
+                text = f"{what} is taken {taken} (a timeout of {milliseconds(timeout):.1f} ms)"
+                off = abs(near - timeout) > 0.3 * TIMEOUT_UNIT
+                (self.found.unexplained if off else self.found.checked).append(text)
 
     # -- times -------------------------------------------------------------------------------------
 

@@ -25,6 +25,7 @@ from bussim.site.link import SiteLink
 from bussim.site.readout import (
     CODE,
     COUNT,
+    START,
     STYLES,
     Calibration,
     Experiment,
@@ -35,7 +36,6 @@ from bussim.site.readout import (
     own_entries,
     with_numbers,
 )
-from bussim.units import TICKS_PER_MS
 from bussim.wording import counted, names, nearest, show, suggest
 
 _CODES = frozenset(f"D{CODE + station}" for station in range(8))
@@ -135,7 +135,9 @@ class _Reader:
         looks: list[int] = []
         for own, value in raw.items():
             here, common = (*at, str(own)), self._name(own, (*at, str(own)))
-            if common == "D8201":
+            if common in values:
+                self.report.error(here, f"is the register {common} once more", key=True)
+            elif common == "D8201":
                 listed = value if isinstance(value, list) else [value]
                 read = [self._number(each, here) for each in listed] or [self._number(None, here)]
                 looks = [each for each in read if each is not None]
@@ -207,23 +209,14 @@ class _Reader:
                 )
         if form.order and len({*order}) < len(order):
             report.error(("order",), "names a place twice")
-        if form.order and len(order) > form.settings.slaves + 1:
-            self.notes.append(
-                f"order has {counted(len(order), 'station')}, "
-                f"and the master polls {form.settings.slaves} (D8177)"
-            )
+        self._check_settings(stations, len(form.order or ()))
         given = [station.place for station in stations if station.before is not None]
         for index, station in enumerate(stations):
             if given and station.before is None and station.after.values:
                 text = f"has no before, which {given[0]} has; give both readings for all, or leave before out"
                 report.error(("stations", index), text)
-            self.notes += [
-                f"{station.label} counts about itself ({entry}): it is a master, or the place is wrong"
-                for entry in own_entries(station)
-                if station.number is not None
-            ]
         if form.ladder is not None:
-            self._check_ladder(form.ladder.thresholds_ms, form.ladder.rises)
+            self._check_ladder(form.ladder.thresholds_ms, form.ladder.rises, form.ladder.max_ms)
         self.notes += [
             f"error codes are taken {style} at {', '.join(where)}" for style, where in self.styles.items()
         ]
@@ -238,9 +231,28 @@ class _Reader:
             frozenset(form.symptoms),
             tuple(self.notes),
         )
-        if form.ladder is not None and not report.errors:
-            self._check_against_scans(made, form.ladder.thresholds_ms[0], form.ladder.rises[0])
+        if not report.errors:
+            self._check_against_scans(made)
         return made
+
+    def _check_settings(self, stations: Sequence[Station], along: int) -> None:
+        """Note where what was read, or the number of stations, is not what the settings say."""
+        given = self.form.settings
+        if along and along != given.slaves + 1:
+            self.notes.append(
+                f"order has {counted(along, 'station')}, and the master polls {given.slaves} (D8177)"
+            )
+        for station in stations:
+            if (station.number or 0) > given.slaves:
+                self.notes.append(f"{station.label} is never polled: D8177 is {given.slaves} at the master")
+            for name, wanted in (("D8174", given.slaves), ("D8175", given.mode)):
+                if (found := station.value(name)) not in (None, wanted) and (found or not station.supposed):
+                    self.notes.append(f"{station.place} has {name} = {found}, and settings say {wanted}")
+            self.notes += [
+                f"{station.label} counts about itself ({entry}): it is a master, or the place is wrong"
+                for entry in own_entries(station)
+                if station.number is not None
+            ]
 
     def _station(self, form: StationIn, at: At) -> Station:
         raws = {key: raw for key, raw in (("before", form.before), ("after", form.after)) if raw is not None}
@@ -272,7 +284,7 @@ class _Reader:
             rising=frozenset(each for each in rising if each is not None),
         )
 
-    def _check_ladder(self, thresholds: Sequence[float], rises: Sequence[int]) -> None:
+    def _check_ladder(self, thresholds: Sequence[float], rises: Sequence[int], longest: float | None) -> None:
         if len(rises) != len(thresholds):
             self.report.error(
                 ("ladder", "rises"),
@@ -283,16 +295,35 @@ class _Reader:
                 self.report.error(
                     ("ladder", "thresholds_ms", index), f"is {two:g}, not above the {one:g} before it"
                 )
+        for index, (threshold, count) in enumerate(zip(thresholds, rises, strict=False)):
+            if count and not rises[0]:
+                text = f"is {count}, and D8201 never rose to {thresholds[0]:g}"
+                self.report.error(("ladder", "rises", index), text)
+            if longest is not None and (longest >= threshold) != (count > 0):
+                text = f"is {longest:g}, with {counted(count, 'rise')} to {threshold:g}"
+                self.report.error(("ladder", "max_ms"), text)
+                break
 
-    def _check_against_scans(self, made: Readout, threshold: float, rises: int) -> None:
-        link = SiteLink.of(made)
-        if threshold <= (healthy := link.units(link.healthy)):
-            text = f"is {threshold:g}, not above the healthy scan of {healthy:.1f}"
+    def _check_against_scans(self, made: Readout) -> None:
+        """No more is counted than there were scans: of a slave one a scan, of the master one a frame."""
+        link, ladder = SiteLink.of(made), made.ladder
+        scans = made.watched / link.healthy
+        if ladder is not None and ladder.thresholds_ms[0] <= (healthy := link.units(link.healthy)):
+            text = f"is {ladder.thresholds_ms[0]:g}, not above the healthy scan of {healthy:.1f}"
             self.report.error(("ladder", "thresholds_ms", 0), text)
-        if rises > (scans := made.watched / link.healthy):
-            self.report.error(
-                ("ladder", "rises", 0), f"is {rises}, more than the {scans:.0f} scans that were watched"
-            )
+        for index, rises in enumerate(ladder.rises if ladder is not None else ()):
+            if rises > scans:
+                text = f"is {rises}, more than the {scans:.0f} scans that were watched"
+                self.report.error(("ladder", "rises", index), text)
+        for index, station in enumerate(made.stations):
+            for about in range(made.settings.slaves + 1):
+                most = scans if about else scans * (1 + made.settings.slaves * link.n)
+                if (count := station.exact(about) or 0) > most + START:
+                    name = f"D{COUNT + about}"
+                    own = next(mine for mine, common in self.names.items() if common == name)
+                    text = f"counts {count} while it was watched, which is {scans:.0f} scans; "
+                    hint = "if it counts since an earlier start, give before"
+                    self.report.error(("stations", index, "after", own), f"{text}{hint}")
 
     # -- a calibration -----------------------------------------------------------------------------
 
@@ -305,8 +336,26 @@ class _Reader:
             raw = one.model_extra or {}
             reading = self._decoded(one.name, [(self._reading(raw, at), at, raw)])[0]
             made[one.name] = Experiment(
-                one.name, one.retries, one.timeout, one.slaves, reading, one.cut, one.slow_plc
+                *(one.name, one.retries, one.timeout, one.slaves, reading, one.cut, one.slow_plc),
+                tuple(one.at_slaves or ()),
             )
-        scans = tuple(round(each * TICKS_PER_MS) for each in self.form.plc_scan_ms or ())
+            self._check_experiment(made[one.name], at)
         settings = self.form.settings
-        return Calibration(self.profile, settings.slaves, settings.mode, scans, made)
+        return Calibration(self.profile, settings.slaves, settings.mode, made)
+
+    def _check_experiment(self, one: Experiment, at: At) -> None:
+        """Report what an experiment of its name cannot have."""
+        slaves = self.form.settings.slaves
+        least, most = (1, max(1, slaves - 1)) if one.name in ("one", "one_slow") else (slaves, slaves)
+        if not least <= one.slaves <= most and one.name != "master_slow":
+            self.report.error((*at, "slaves"), f"is {one.slaves}, allowed {least}..{most} in {one.name}")
+        if not all(one.reading.looks):
+            self.report.error((*at, "D8201"), "is 0, which is no scan: look again while the link works")
+        slow = one.name in ("one_slow", "master_slow")
+        for key, given in (("cut", one.cut), ("slow_plc", one.slow_plc)):
+            master = one.name in ("listeners", "master_slow")
+            if given is not None and not (given.number == 0 if master else 1 <= given.number <= one.slaves):
+                allowed = "0" if master else f"1..{one.slaves}"
+                self.report.error((*at, key, "number"), f"is {given.number}, allowed {allowed} in {one.name}")
+            elif (given is not None) and slow is (key == "cut"):
+                self.report.error((*at, key), f"belongs to another experiment than {one.name}")

@@ -45,7 +45,13 @@ _Symptom = Annotated[
 ]
 _Schema = Annotated[int, one_of((1,))]
 _Kind = Annotated[str, choice("readout", "calibration")]
-_Experiment = Annotated[str, choice("all", "one", "one_slow", "off_3_100", "off_10_50", "listeners")]
+_Experiment = Annotated[
+    str,
+    choice(
+        *("all", "one", "one_slow", "off_3_100", "off_10_50", "floor_40", "floor_30", "master_slow"),
+        "listeners",
+    ),
+]
 
 
 class CommonSettings(Model):
@@ -121,15 +127,18 @@ class Cut(Model):
 
 
 class SlowPlc(Model):
-    """A slave with a constant, long PLC scan."""
+    """A station with a constant, long PLC scan."""
 
     example = "{number: 1, scan: 60 ms}"
-    number: Annotated[int, whole(1, MAX_SLAVES)]
+    number: Annotated[int, whole(0, MAX_SLAVES)]
     scan: Positive
 
 
 class ExperimentIn(Model):
-    """One experiment; registers by name, each judged by itself later."""
+    """One experiment; registers by name, each judged by itself later.
+
+    ``at_slaves`` is what slaves count about the one that was cut, each read there.
+    """
 
     model_config = ConfigDict(**{**Model.model_config, "extra": "allow"})
     example = "{name: all, retries: 3, timeout: 100 ms, slaves: 3, D8201: [89, 88], D8202: 106}"
@@ -139,6 +148,9 @@ class ExperimentIn(Model):
     slaves: _Slaves
     cut: Cut | None = None
     slow_plc: SlowPlc | None = None
+    at_slaves: Annotated[list[Annotated[int, whole(0, LIMIT)]], Field(min_length=2, max_length=7)] | None = (
+        None
+    )
 
 
 class CalibrationIn(Model):

@@ -10,10 +10,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from bussim.engines.nn.codes import MEANINGS, NO_PARAMETERS
-from bussim.site.forms import Cut, Ladder, Settings, SlowPlc
+from bussim.site.forms import LIMIT, Cut, Ladder, Settings, SlowPlc
 
 #: The addresses of the master's count, code and flag; slave k's follow at + k.
 COUNT, CODE, FLAG = 8203, 8211, 8183
+#: Counts that a start leaves at most (PLCs are switched on at different times: more).
+START = 2
 #: Error codes by the digits that a programming tool shows.
 STYLES = {
     "as hexadecimal digits": {int(f"{code:X}"): code for code in MEANINGS},
@@ -75,6 +77,15 @@ class Station:
             return 1 if name in self.rising else None
         return now - then
 
+    def climbs(self, about: int) -> bool:
+        """Whether its count about a station has no number, and was only seen to climb."""
+        return self.count(about) is not None and self.value(f"D{COUNT + about}") is None
+
+    def exact(self, about: int) -> int | None:
+        """Its count about a station where that is one; None where it is not read, a lower bound or climbs."""
+        stopped = self.value(f"D{COUNT + about}") == LIMIT
+        return None if stopped or self.climbs(about) else self.count(about)
+
     def code(self, about: int) -> int | None:
         """The last error code about a station, None if not read, 0 for none."""
         return self.value(f"D{CODE + about}")
@@ -87,6 +98,11 @@ class Station:
     def label(self) -> str:
         """How sentences name it."""
         return self.place if self.supposed < 0 else f"{self.place} (station {self.supposed})"
+
+    @property
+    def halted(self) -> bool:
+        """Whether it is off or in STOP."""
+        return self.state in ("off", "stop")
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +124,19 @@ class Readout:
         """The stations without number 0, in the order of the paper."""
         return tuple(station for station in self.stations if station.supposed)
 
+    @property
+    def since(self) -> int | None:
+        """How long D8202 has been kept, None where that is not known: it goes back beyond ``before``."""
+        earlier = self.started if any(station.before for station in self.stations) else 0
+        return None if earlier is None else self.watched + earlier
+
+    def label(self, number: int | None) -> str:
+        """How sentences name the station, or the stations, with a number."""
+        if number is None:
+            return "a station"
+        named = [station.label for station in self.stations if station.supposed == number]
+        return " or ".join(named) or f"station {number}"
+
     def at(self, number: int) -> Station | None:
         """The station that is supposed to have a number, None if it was not visited."""
         return next((station for station in self.stations if station.supposed == number), None)
@@ -124,16 +153,16 @@ class Experiment:
     reading: Reading
     cut: Cut | None = None
     slow_plc: SlowPlc | None = None
+    at_slaves: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Experiments by name; ``plc_scans`` in ticks, the master's first."""
+    """Experiments by name."""
 
     profile: SiteProfile
     slaves: int
     mode: int
-    plc_scans: tuple[int, ...]
     experiments: Mapping[str, Experiment]
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from bussim.engines.nn.codes import MEANINGS
 from bussim.errors import UsageError
 from bussim.plc.link_registers import D_MIRROR_MODE, D_MIRROR_STATION
-from bussim.scenario.fault_kinds import PowerOff, Stop
+from bussim.scenario.fault_kinds import CableCut, PowerOff, Stop
 from bussim.scenario.model import Scenario
 from bussim.site.readout import CODE, COUNT, FLAG
 from bussim.trace.records import LinkTotals, PlcTotals, RunTotals
@@ -18,7 +19,7 @@ def readout_data(scenario: Scenario, totals: RunTotals, *, as_seen: bool = False
     """The readout at the end of a run as plain data.
 
     ``as_seen`` leaves out what a technician rarely notes: station numbers and PLC scans. What is
-    off cannot be read, and a run has no lamps. Raises UsageError unless it has one link with a master.
+    off cannot be read. Raises UsageError unless it has one link with a master.
     """
     links = [link for link in totals.links if link.master is not None]
     if len(links) != 1:
@@ -38,8 +39,34 @@ def readout_data(scenario: Scenario, totals: RunTotals, *, as_seen: bool = False
         },
         "order": list(link.plc_names),
         "watched": format_time(totals.duration - _since(scenario, link, totals.duration)),
-        "stations": [_station(plcs[name], link.slaves or 0, as_seen=as_seen) for name in link.plc_names],
+        "stations": [
+            _station(plcs[name], link.slaves or 0, lamps, as_seen=as_seen)
+            for name, lamps in _lamps(scenario, link, plcs, totals.duration).items()
+        ],
     }
+
+
+def _lamps(
+    scenario: Scenario, link: LinkTotals, plcs: Mapping[str, PlcTotals], end: int
+) -> dict[str, dict[str, str]]:
+    """The lamps of each board at the end: SD of who takes part, RD where such a signal arrives."""
+    names = link.plc_names
+    broken = {
+        names.index(fault.kind.after)
+        for fault in scenario.faults
+        if isinstance(fault.kind, CableCut)
+        and fault.kind.bus == link.bus
+        and fault.window.at < end
+        and (fault.window.until is None or fault.window.until >= end)
+    }
+    sends = [plcs[name].state == "run" and plcs[name].registers["M8191"] for name in names]
+    parts = [sum(at < index for at in broken) for index in range(len(names))]
+    found = {}
+    for index, name in enumerate(names):
+        others = (other for other in range(len(names)) if other != index and parts[other] == parts[index])
+        lit = {"SD": sends[index], "RD": plcs[name].state != "off" and any(sends[other] for other in others)}
+        found[name] = {lamp: "flickers" if on else "dark" for lamp, on in lit.items()}
+    return found
 
 
 def _since(scenario: Scenario, link: LinkTotals, end: int) -> int:
@@ -54,8 +81,8 @@ def _since(scenario: Scenario, link: LinkTotals, end: int) -> int:
     return max(time for time in times if time < end)
 
 
-def _station(plc: PlcTotals, slaves: int, *, as_seen: bool) -> dict[str, Any]:
-    noted: dict[str, Any] = {"place": plc.name, "state": plc.state}
+def _station(plc: PlcTotals, slaves: int, lamps: dict[str, str], *, as_seen: bool) -> dict[str, Any]:
+    noted: dict[str, Any] = {"place": plc.name, "state": plc.state, "lamps": lamps}
     if plc.state == "off":
         return noted
     if not as_seen:

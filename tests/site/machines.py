@@ -1,7 +1,4 @@
-"""Random machines with one thing wrong, simulated, and what a technician would note at them.
-
-The truth sets what no simulation has: lamps, and the state of a station that is off.
-"""
+"""Random machines with one thing wrong, simulated, and what a technician would note at them."""
 
 from random import Random
 from typing import Any
@@ -22,7 +19,7 @@ def _log(random: Random, low: float, high: float) -> float:
 
 
 def machine(cause: str, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
-    """A scenario as plain data, and the truth: its cause, the station that it is at, lamps by place."""
+    """A scenario as plain data, and the truth: its cause, and the station that it is at."""
     random = Random(f"{cause} {seed}")
     slaves = random.randint(2, 7)
     # What has no fast path is simulated more briefly.
@@ -45,17 +42,13 @@ def machine(cause: str, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
     at = random.randint(0, slaves)
     k = random.randint(1, slaves)
     truth: dict[str, Any] = {"cause": cause, "numbers_read": random.random() < 0.5}
-    dark_rd: set[str] = set()
-    dark_sd: set[str] = set()
     begin = f"{random.randint(20, seconds - 15)} s"
     scans = [random.randint(4, 15) for _ in places]
     if cause == "station_off":
         faults = [{"at": begin, random.choice(("power_off", "stop")): places[k]}]
-        dark_rd, dark_sd = {places[k]}, {places[k]}
     elif cause == "cable_cut":
         k = random.randint(1, slaves)
         faults = [{"at": begin, "cable_cut": {"bus": "link", "after": places[k - 1]}}]
-        dark_rd = dark_sd = set(places[k:])
     elif cause == "wrong_format":
         wrong = random.choice(
             (
@@ -66,7 +59,6 @@ def machine(cause: str, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
             )
         )
         faults = [{"wrong_format": {"station": places[k], **wrong}}]
-        dark_sd = {places[k]}
     elif cause == "number_twice":
         missing = random.choice([number for number in range(1, slaves + 1) if number != k])
         numbers[missing] = k
@@ -125,7 +117,6 @@ def machine(cause: str, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
         ]
     elif cause == "master_away":
         faults = [{"at": begin, random.choice(("power_off", "stop")): places[0]}]
-        dark_rd = dark_sd = set(places)
     mode = random.randint(0, 2)
     plcs = []
     for place, number, scan in zip(places, numbers, scans, strict=True):
@@ -156,19 +147,14 @@ def machine(cause: str, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
         "faults": faults,
         "late": late,
     }
-    truth |= {"SD": sorted(dark_sd), "RD": sorted(dark_rd)}
     return data, truth
 
 
 def noted(data: dict[str, Any], truth: dict[str, Any]) -> dict[str, Any]:
-    """The readout of a machine, with RUN state and lamps."""
+    """The readout of a machine."""
     scenario = from_data(data)
     totals = run(scenario, rows=False).totals
     assert totals is not None
     readout = readout_data(scenario, totals, as_seen=not truth["numbers_read"])
     readout["profile"] = "pw10"
-    # The second master's settings are those of the first.
-    for station in readout["stations"]:
-        lamps = {lamp: "dark" if station["place"] in truth[lamp] else "flickers" for lamp in ("SD", "RD")}
-        station["lamps"] = lamps
     return readout

@@ -16,8 +16,9 @@ from bussim.site.diagnosis.causes import MEANINGS
 from bussim.site.diagnosis.diagnose import Diagnosis
 from bussim.site.noise.picture import Picture
 from bussim.site.noise.sizing import sizes
-from bussim.site.plan import EVENTS, Watch, expected_failures
+from bussim.site.plan import EVENTS, expected_failures, plan
 from bussim.site.readout import Readout
+from bussim.site.result import SiteResult
 
 #: Causes whose evidence is printed.
 _SHOWN = 3
@@ -27,14 +28,25 @@ def _line(console: Console, text: str, indent: int = 2, style: str = "") -> None
     console.print(Text(" " * indent + text, style))
 
 
+def show_readout(console: Console, found: SiteResult, *, planned: bool) -> None:
+    """Print what is wrong, how much noise there is, and if ``planned`` how long to watch for it."""
+    assert found.diagnosis and found.pictures and isinstance(found.noted, Readout)  # noqa: S101, PT018 - of a readout
+    show_diagnosis(console, found.noted, found.diagnosis)
+    for meaning, one in found.pictures.items():
+        show_picture(console, found.noted, one, meaning, mend_first=found.diagnosis.broken)
+    if planned:
+        show_plan(console, next(iter(found.pictures.values())))
+
+
 def show_diagnosis(console: Console, readout: Readout, found: Diagnosis) -> None:
     """Print the likeliest causes with their evidence, and the next reading."""
+    for note in readout.notes:
+        _line(console, f"note: {note}", 0)
     _line(console, "what is wrong", 0, "bold")
     if not found.causes:
         _line(console, "nothing in these readings points to a cause")
     for index, cause in enumerate(found.causes[:_SHOWN], 1):
-        named = None if cause.station is None else readout.at(cause.station)
-        at = named.label if named else "a station" if cause.station is None else f"station {cause.station}"
+        at = readout.label(cause.station)
         style = "bold" if index == 1 else ""
         _line(
             console, f"{index}. {MEANINGS[cause.cause].format(at=at)} ({cause.score:.1f} points)", style=style
@@ -46,8 +58,6 @@ def show_diagnosis(console: Console, readout: Readout, found: Diagnosis) -> None
         _line(console, f"these readings cannot tell apart: {names}")
     for text in found.next:
         _line(console, f"next: {text}")
-    for note in readout.notes:
-        _line(console, f"note: {note}")
 
 
 def show_picture(
@@ -63,17 +73,16 @@ def show_picture(
     _line(console, f"link scans watched: {least:,.0f} to {most:,.0f}")
     table = plain_table(("station", "limited by"), ("attempts that fail", "95 % interval"))
     for k, fails in found.fails.items():
-        named = readout.at(k)
         value = f"{fails.value:.2g}" if fails.value else ""
-        label = named.label if named is not None else f"station {k}"
-        table.add_row(label, fails.lens, value, f"{fails.low:.2g} … {fails.high:.2g}")
+        table.add_row(readout.label(k), fails.lens, value, f"{fails.low:.2g} … {fails.high:.2g}")
     console.print(table)
     table = plain_table(("lens", "reading", "tells", "rests on"), ("value", "95 % interval"))
     for lens in measured.lenses:
         value = f"{lens.value:.2g}" if lens.count else ""
         limits = f"{lens.low:.2g} … {lens.high:.2g}" if lens.count else f"below {lens.high:.2g}"
         table.add_row(lens.name, lens.reading, lens.tells, lens.rests_on, value, limits)
-    console.print(table)
+    if measured.lenses:
+        console.print(table)
     for text in found.unexplained:
         _line(console, f"unexplained: {text}")
     _line(console, f"bursts: {found.bursts}")
@@ -89,12 +98,12 @@ def show_picture(
     _line(console, f"bussim size by the upper limits: {chosen['upper_limits'].in_words()}")
 
 
-def show_plan(console: Console, found: Picture, watches: list[Watch]) -> None:
+def show_plan(console: Console, found: Picture) -> None:
     """Print how long to watch with which reading, and the ladder's thresholds."""
     fails, limit = expected_failures(found)
     guess = f"{'the upper limit' if limit else 'the value'} {median(fails):.2g} of failed attempts"
     _line(console, f"how long for {EVENTS} events, by {guess}", 0, "bold")
-    for watch in watches:
+    for watch in plan(found):
         _line(console, watch.in_words())
     a, b, c = (ceil(each) for each in found.link.thresholds())
     _line(console, f"the ladder's thresholds: {a}, {b}, {c} (least D8201 that counts)")
@@ -109,6 +118,8 @@ def show_calibration(console: Console, found: Found, profile: str) -> None:
         _line(console, f"{name}: {value:.2f} ms, by the rounding {low:.2f} to {high:.2f} ms")
     for name, why in found.open.items():
         _line(console, f"open: {name} ({why}); the profile keeps what is assumed")
+    for text in found.checked:
+        _line(console, f"checked: {text}")
     for text in found.unexplained:
         _line(console, f"the model is wrong here: {text}", style="bold")
     _line(console, "no profile is written of this" if found.unexplained else "the profile:")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 
@@ -44,7 +44,7 @@ MEANINGS = {
     Cause.WRONG_FORMAT: "{at} has another character format or rate",
     Cause.NUMBER_TWICE: "the station number of {at} is there twice",
     Cause.TWO_MASTERS: "{at} is a second master",
-    Cause.SLOW_REPLY: "{at} replies later than the timeout allows",
+    Cause.SLOW_REPLY: "{at} replies late: it waits for END, or the timeout is too short",
     Cause.NOISE_RECEIVER: "noise in the receiver of {at}",
     Cause.NOISE_RECEIVERS: "noise in each receiver by itself (terminators, bias, earth)",
     Cause.NOISE_WIRE: "noise on the wire, for all alike",
@@ -73,11 +73,21 @@ _SEPARATES = {
     frozenset((Cause.WAS_AWAY, Cause.HEALTHY)): (
         "read all stations again after 10 minutes: a late power-up adds no more counts"
     ),
+    frozenset((Cause.MASTER_AWAY, Cause.HEALTHY)): (
+        "read D8203 of the slaves again later: it does not climb while the master stays in RUN"
+    ),
+    frozenset((Cause.SLOW_REPLY, Cause.NOISE_SENDER)): (
+        "look at D8201 several times: a late reply lengthens every scan, noise some of them"
+    ),
     frozenset((Cause.CABLE_CUT, Cause.WRONG_FORMAT)): (
         "look at the RD lamp of that station: dark beyond a cut, flickering with a wrong format"
     ),
     frozenset((Cause.CABLE_CUT, Cause.STATION_OFF)): (
         "look at the RUN and RD lamps of the stations that do not reply"
+    ),
+    frozenset((Cause.NOISE_WIRE, Cause.NOISE_SENDER)): (
+        "read D8204 to D8210 of the slaves at D8179 = 0, or swap the master's board: of what is on the wire "
+        "replies suffer as well"
     ),
     frozenset((Cause.NOISE_WIRE, Cause.NOISE_RECEIVERS)): (
         "compare D8203 of all slaves after some hours: equal counts are on the wire"
@@ -158,8 +168,10 @@ class Tally:
         found.sort(key=lambda one: (-one.score, one.cause, -1 if one.station is None else one.station))
         best: dict[Cause, Finding] = {}
         for one in found:
-            if one.score > 0:
-                best.setdefault(one.cause, one)
+            first = best.setdefault(one.cause, one) if one.score > 0 else None
+            if first is not None and first is not one and first.score - one.score <= CLOSE:
+                also = f"the same at station {one.station}: {one.evidence[0]}"
+                best[one.cause] = replace(best[one.cause], evidence=(*best[one.cause].evidence, also))
         return list(best.values())
 
 

@@ -23,7 +23,7 @@ class Diagnosis:
     @property
     def close(self) -> tuple[Finding, ...]:
         """Those that these readings cannot tell from the first."""
-        return tuple(one for one in self.causes[1:] if self.causes[0].score - one.score < CLOSE)
+        return tuple(one for one in self.causes[1:] if self.causes[0].score - one.score <= CLOSE)
 
     @property
     def broken(self) -> bool:

@@ -7,9 +7,10 @@ from statistics import median
 
 from bussim.engines.nn import codes
 from bussim.site.diagnosis.causes import Cause, Tally
-from bussim.site.diagnosis.witness import START, Witness
+from bussim.site.diagnosis.witness import Witness
 from bussim.site.link import SteadyNoise
 from bussim.site.noise.lenses import root
+from bussim.site.readout import START
 
 #: A reading this unlikely under steady noise is one of bursts.
 _UNLIKELY = 1e-2
@@ -32,7 +33,8 @@ def noise_rules(w: Witness, tally: Tally) -> None:
 
 def _slaves_count(w: Witness, tally: Tally, told: dict[int, int], most: int) -> None:
     """Damaged frames of the master: the same at all slaves, at one, or different at each."""
-    counts = ", ".join(f"{number}: {count}" for number, count in told.items())
+    counts = w.listed(told)
+    stopped = [s.place for s in w.listeners if s.supposed in told and s.exact(0) is None]
     middle = median(told.values())
     late = 0.12 * middle * any(map(w.by_master, w.numbers))  # stations that joined late heard less
     equal = all(abs(count - middle) <= 1.2 * sqrt(middle) + 1 + late for count in told.values())
@@ -42,7 +44,7 @@ def _slaves_count(w: Witness, tally: Tally, told: dict[int, int], most: int) -> 
     first = max(told, key=lambda j: told[j])
     rest = max((count for j, count in told.items() if j != first), default=0)
     if len(told) == 1:
-        why = f"the only slave read counts {most} damaged frames of the master"
+        why = f"D8203 was read at one slave only, and counts damaged frames of the master ({counts})"
         tally.add(Cause.NOISE_WIRE, None, 2, why)
         tally.add(Cause.NOISE_RECEIVER, first, 2, why)
     elif rest <= _QUIET * most + 1 and most > START:
@@ -52,6 +54,10 @@ def _slaves_count(w: Witness, tally: Tally, told: dict[int, int], most: int) -> 
             why = f"it also missed at least {misses[first]} replies that others heard"
             tally.add(Cause.NOISE_RECEIVER, first, 3, why)
         return
+    elif stopped:
+        why = f"all slaves read count damaged frames of the master ({counts}); how many is not known at "
+        tally.add(Cause.NOISE_WIRE, None, 4, f"{why}{', '.join(stopped)}")
+        tally.add(Cause.NOISE_RECEIVERS, None, 2, f"{why}{', '.join(stopped)}")
     elif equal:
         why = f"D8203 is the same at all slaves, to the count's own spread ({counts})"
         tally.add(Cause.NOISE_WIRE, None, 6 * min(1.0, (most + 2) / 5), why)
@@ -76,25 +82,37 @@ def _slaves_count(w: Witness, tally: Tally, told: dict[int, int], most: int) -> 
 
 def _bursts(w: Witness, tally: Tally, count: float) -> None:
     """More station errors, or longer scans, than steady noise of this strength gives."""
-    from scipy.special import gammainc
+    from scipy.special import gammainc, gammaincc
 
     link, base = w.link, tally.score(Cause.NOISE_WIRE)
-    # The strongest steady noise that may have given such a count.
-    ber = root(lambda b: w.scans(b) * link.master_damaged(b), max(count, 1) + 2 * sqrt(max(count, 1)), 2e-3)
-    noise = SteadyNoise(ber)
-    scans, seen = w.scans(ber), sum(w.errors.values())
-    expected = scans * link.station_errors(link.attempt(noise)[0].failed) * len(w.numbers)
+    # The weakest and the strongest steady noise that may have given such a count.
+    ends = (max(0.0, count - 2 * sqrt(count)), max(count, 1) + 2 * sqrt(max(count, 1)))
+    least, ber = (root(lambda b: w.scans(b) * link.master_damaged(b), wanted, 2e-3) for wanted in ends)
+    noise, seen = SteadyNoise(ber), sum(w.errors.values())
+    fewest, expected = (
+        w.scans(b) * link.station_errors(link.attempt(SteadyNoise(b))[0].failed) * len(w.numbers)
+        for b in (least, ber)
+    )
+    if w.master is not None and float(gammaincc(seen + 1, fewest)) < _UNLIKELY / 100:  # P(that many or fewer)
+        why = f"{seen} station errors that all saw; noise for all alike would give {fewest:.2g} at least"
+        tally.add(Cause.NOISE_SENDER, 0, base + 1.5, f"the master's frames alone are damaged: {why}")
+        why = "late replies would damage the master's frames alone, too"
+        tally.add(Cause.SLOW_REPLY, None, base + (2.5 if w.always_long else 1), why)
+        return
+    why = f"damage by {w.readout.label(0)} as it sends counts alike in all slaves, too"
+    tally.add(Cause.NOISE_SENDER, 0, 1, why)
     found = []
     if seen and float(gammainc(seen, expected)) < _UNLIKELY:  # P(that many or more)
         found.append(
             f"{seen} station errors that all saw; steady noise of this strength gives {expected:.2g}"
         )
-    longest, law = w.least_longest, link.distribution(noise)
-    if longest is not None and law is not None:
+    longest, law, since = w.least_longest, link.distribution(noise), w.readout.since
+    if longest is not None and law is not None and since is not None:
         tail = float(law.tail((longest - 0.5) * link.model.unit))
-        chance = -expm1(scans * log1p(-min(tail, 1 - 1e-12)))
+        chance = -expm1(w.scans(ber, since) * log1p(-min(tail, 1 - 1e-12)))
         if chance < _UNLIKELY:
-            found.append(f"D8202 = {longest} at all, which steady noise would show with {chance:.1g}")
+            text = f"D8202 is {longest} or more at all stations read, for which steady noise has a chance of"
+            found.append(f"{text} {chance:.1g}")
     silent = [s for s in w.listeners if s.code(0) == codes.MASTER_SILENT]
     if silent and len(silent) == len(w.listeners):
         found.append("code 11 at every slave, beside damaged frames")
@@ -116,11 +134,15 @@ def _sender(w: Witness, tally: Tally, most: int) -> None:
         # Of a station that came late a part may be of the start: it says nothing of the others.
         others = sum(errors[j] for j in errors if j != k and w.by_master(j) <= errors[j] + START)
         named, teller = w.readout.at(k), w.master or w.listeners[0]
-        gone = named is not None and (w.deaf(named) or w.halted(named))
+        gone = named is not None and (named.halted or bool(w.deaf(named)))
+        if w.master is not None and w.master.flag(k) and teller.code(k) == codes.NO_REPLY:
+            gone |= named is None or not named.read  # it is missing, and nothing says that it is on
         if gone or others > _QUIET * errors[k] + 1 or most > max(START, _OFTEN * errors[k]):
             continue
-        points, code = 3.0 + min(3.0, errors[k]) - (errors[k] < max(errors.values())), teller.code(k) or 0
-        why = f"only station {k} is counted ({errors[k]} by all), with code {code:02X} at {teller.place}"
+        points, code = 3.0 + min(3.0, errors[k]) - (errors[k] < max(errors.values())), teller.code(k)
+        given = f"code {code:02X}" if code else "its code not read"
+        count = "it climbs" if teller.climbs(k) else f"{errors[k]} by all"
+        why = f"only station {k} is counted ({count}), with {given} at {teller.place}"
         damaged = code == codes.DAMAGED
         tally.add(Cause.NOISE_SENDER, k, points if damaged else points - 3, why)
         tally.add(Cause.REPLIES_LOST, k, points - 3 if damaged else points, why)
@@ -129,27 +151,29 @@ def _sender(w: Witness, tally: Tally, most: int) -> None:
 def _hidden(w: Witness, tally: Tally, most: int) -> None:
     """Failed attempts that retries hide show in D8202 and at one end of the line only."""
     misses, longest, link = w.master_misses, w.least_longest, w.link
-    if most > 1:
-        return
-    if misses > START:
-        why = f"the master counts {misses} damaged replies that no slave misses"
+    if misses > max(START, 10 * most):
+        read = any(w.master.code(k) for k in w.numbers) if w.master is not None else False
+        why = f"the master counts {misses} {'damaged' if read else 'failed'} replies that no slave misses"
         tally.add(Cause.NOISE_RECEIVER, 0, 7, why)
-    if longest is None or longest <= link.normal or w.flagged or any(w.errors.values()):
+    if most > 1 or longest is None or longest <= link.normal or w.flagged or any(w.errors.values()):
         return
     silent = longest * link.model.unit - link.healthy >= (link.torn + link.silent) / 2
-    why = f"every station saw a scan of {longest} or more (healthy: {link.normal}), none damaged frames; "
+    none = ", no slave damaged frames" if w.about_master else ""
+    why = f"each station read saw a scan of {longest} or more (healthy: {link.normal}){none}; "
     kinds = (("damaged", link.torn), ("lost", link.silent))
     costs = [f"{why}a {kind} reply costs {link.units(ticks):.0f}" for kind, ticks in kinds]
-    tally.add(Cause.NOISE_SENDER, None, 2.5 if silent else 4, costs[0])
-    tally.add(Cause.REPLIES_LOST, None, 4 if silent else 0.5, costs[1])
+    # Scans that are always long are explained by a late reply.
+    less = 3 if any(tally.score(*key) >= 4 for key in [*tally.points] if key[0] is Cause.SLOW_REPLY) else 0
+    tally.add(Cause.NOISE_SENDER, None, (2.5 if silent else 4) - less, costs[0])
+    tally.add(Cause.REPLIES_LOST, None, (4 if silent else 0.5) - less, costs[1])
     why += "noise in the master's own receiver would do that"
-    tally.add(Cause.NOISE_RECEIVER, 0, 2 if silent else 3.5, why)
+    tally.add(Cause.NOISE_RECEIVER, 0, (2 if silent else 3.5) - less, why)
 
 
 def _healthy(w: Witness, tally: Tally, most: int) -> None:
     """Counts that a start leaves, normal scans, no station missing."""
     longest, normal = w.least_longest, w.link.normal
-    gone = any(w.deaf(s) or w.halted(s) for s in w.readout.stations)
+    gone = any(w.deaf(s) or s.halted for s in w.readout.stations)
     if w.flagged or gone or most > START or (w.master is None and not w.listeners):
         return
     if all(w.by_master(k) <= START for k in w.numbers):
@@ -159,8 +183,13 @@ def _healthy(w: Witness, tally: Tally, most: int) -> None:
         tally.add(Cause.HEALTHY, None, 1, why)
     else:
         tally.add(Cause.HEALTHY, None, -2, "there are counts that no start explains")
+    silent = [s for s in w.listeners if s.code(0) == codes.MASTER_SILENT]
+    if silent and len(silent) == len(w.listeners):
+        tally.add(Cause.HEALTHY, None, -2, "code 11 at every slave: no start leaves that")
     if most:
-        tally.add(Cause.HEALTHY, None, -3, f"a slave counts {most} damaged frames of the master")
+        tally.add(
+            Cause.HEALTHY, None, -3, f"slaves count damaged frames of the master ({w.listed(w.about_master)})"
+        )
     if longest is not None:
         points = 3 if longest <= normal else -4
         tally.add(Cause.HEALTHY, None, points, f"the least D8202 is {longest}, of a healthy scan {normal}")

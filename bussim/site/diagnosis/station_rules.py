@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from bussim.engines.nn import codes
 from bussim.site.diagnosis.causes import Cause, Tally
-from bussim.site.diagnosis.witness import START, Witness
-from bussim.site.readout import COUNT, FLAG, own_entries
+from bussim.site.diagnosis.witness import Witness
+from bussim.site.readout import COUNT, FLAG, START, own_entries
+from bussim.units import format_time
 from bussim.wording import counted
 
 _MASTERS_CODES = (codes.NO_REPLY, codes.WRONG_STATION, codes.WRONG_COUNTER)
@@ -72,10 +73,15 @@ def _numbers(w: Witness, tally: Tally) -> None:
 def _off(w: Witness, tally: Tally, k: int) -> None:
     """A slave that is off or in STOP is silent for all."""
     named = w.readout.at(k)
-    if named is not None and w.halted(named):
+    if named is not None and named.halted:
         tally.add(Cause.STATION_OFF, k, 8, f"{named.place} was found in the state {named.state}")
     if w.master is None or not w.master.flag(k) or w.master.code(k) != codes.NO_REPLY:
         return
+    if named is None:
+        why = f"no station {k} was found, and it is polled: is D8177 = {w.numbers[-1]} right?"
+        tally.add(Cause.STATION_OFF, k, 5, why)
+    elif not named.read and named.state == "unread":
+        tally.add(Cause.STATION_OFF, k, 5, f"nothing was read at {named.place}")
     others = [other for j in w.by_slaves(k) if (other := w.readout.at(j)) is not None]
     agree = [other for other in others if other.flag(k) and other.code(k) == codes.NOT_IN_NETWORK]
     slaves = f"{len(agree)} of {counted(len(others), 'slave')}"
@@ -90,13 +96,13 @@ def _off(w: Witness, tally: Tally, k: int) -> None:
 def _deaf(w: Witness, tally: Tally) -> None:
     """Who hears nothing: a tail of the cable is cut off, one alone has a wrong format."""
     readout, order, master = w.readout, w.readout.order, w.readout.at(0)
-    found = {s.place: w.deaf(s) for s in readout.slaves if s.supposed > 0 and w.deaf(s)}
-    if not found or (len(found) == len(readout.slaves) and (w.master is None or w.halted(w.master))):
+    found = {s.place: w.deaf(s) for s in readout.slaves if s.supposed in w.numbers and w.deaf(s)}
+    if not found or (len(found) == len(readout.slaves) and (w.master is None or w.master.halted)):
         return
     number = {station.place: station.supposed for station in readout.stations}
     lamps = {station.place: station.rd for station in readout.stations}
     dark, flickers = ([place for place in found if lamps[place] == lamp] for lamp in ("dark", "flickers"))
-    away = {*found, *(s.place for s in readout.stations if w.halted(s))}
+    away = {*found, *(s.place for s in readout.stations if s.halted)}
     here = order.index(master.place) if master is not None else 0
     ends = [(order[at], order[at:]) for at in range(here + 1, len(order))]
     ends += [(order[at - 1], order[:at]) for at in range(1, here + 1)]
@@ -148,15 +154,20 @@ def _late_replies(w: Witness, tally: Tally, k: int) -> None:
 
 def _slow_scans(w: Witness, tally: Tally) -> None:
     """Every look at D8201 is too long, by no number of failed attempts."""
-    looks = [look for s in (*w.listeners, w.master) if s for look in s.after.looks]
-    if not looks or w.flagged or min(looks) <= w.link.normal:
+    if w.flagged or not w.always_long:
         return
-    unit, n, low = w.link.units, w.link.n, min(looks)
+    unit, n, low, looks = w.link.units, w.link.n, min(w.looks), w.looks
     steps = [i * unit(w.link.torn) + j * unit(w.link.silent) for i in range(n) for j in range(n - i)]
     if all(abs(low - unit(w.link.healthy) - step) > 1.5 for step in steps):
         always = w.least_longest is not None and w.least_longest <= low + 2
         why = f"D8201 is {low} or more at every look (healthy: {w.link.normal}), by no number of failures"
-        tally.add(Cause.SLOW_REPLY, None, 7 if always or len(looks) > 2 * len(w.numbers) else 4, why)
+        slowest = max(w.readout.slaves, key=lambda s: s.plc_scan or 0, default=None)
+        at = None
+        if slowest is not None and (slowest.plc_scan or 0) > w.link.healthy:
+            why += f"; the PLC scan of {slowest.place} takes {format_time(slowest.plc_scan or 0)}"
+            at = slowest.supposed
+        points = 1 if len(looks) == 1 else 7 if always or len(looks) > 2 * len(w.numbers) else 4
+        tally.add(Cause.SLOW_REPLY, at, points, why)
 
 
 def _away(w: Witness, tally: Tally) -> None:
@@ -165,6 +176,10 @@ def _away(w: Witness, tally: Tally) -> None:
     for k in absent:
         named, told, most = w.readout.at(k), w.by_slaves(k), w.by_master(k)
         tally.add(Cause.WAS_AWAY, k, 4, w.absent(k))
+        missed = [s for s in w.listeners if s.code(0) == codes.MASTER_SILENT]
+        if named in missed and len(missed) < len(w.listeners):
+            why = f"{named.place} missed the master (code 11): it was on, and cut off"
+            tally.add(Cause.WAS_AWAY, k, 4, why)
         if named is not None and named.code(k) == codes.NO_PARAMETERS:
             why = f"{named.place} was polled before it had parameters (its own code 31)"
             tally.add(Cause.WAS_AWAY, k, 0.5, why)
@@ -172,7 +187,7 @@ def _away(w: Witness, tally: Tally) -> None:
         if after:
             why = f"station {after[0]}, itself late, counts {told[after[0]]} too: it was away afterwards"
             tally.add(Cause.WAS_AWAY, k, 4, why)
-        elif w.staggered and len(absent) > 1:
+        elif w.staggered and len(absent) > 1 and named not in missed:
             why = "all counts would also follow from power-up one after the other"
             tally.add(Cause.WAS_AWAY, k, -2, why)
 
@@ -180,12 +195,12 @@ def _away(w: Witness, tally: Tally) -> None:
 def _master_away(w: Witness, tally: Tally) -> None:
     """Every slave misses a master that is away, once."""
     master = w.readout.at(0)
-    if master is not None and w.halted(master):
+    if master is not None and master.halted:
         tally.add(Cause.MASTER_AWAY, 0, 8, f"{master.place} was found in the state {master.state}")
     silent = [s for s in w.heard if s.code(0) == codes.MASTER_SILENT]
     now = [s.place for s in silent if s.flag(0)]
     once = max((s.count(0) or 0 for s in silent), default=0)
-    if silent and len(silent) < len([s for s in w.heard if not w.halted(s)]):
+    if silent and len(silent) < len([s for s in w.heard if not s.halted]):
         why = f"code 11 at {len(silent)} of {counted(len(w.heard), 'slave')} only"
         tally.add(Cause.MASTER_AWAY, 0, -3, why)
     elif now and master is not None and master.state == "run" and master.value("M8191"):

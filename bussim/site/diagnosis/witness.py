@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 from bussim.engines.nn import codes
 from bussim.site.link import SiteLink, SteadyNoise
-from bussim.site.readout import Readout, Station
-
-#: Counts that a start leaves at most (PLCs are switched on at different times: more).
-START = 2
+from bussim.site.readout import START, Readout, Station
 
 
 @dataclass(frozen=True)
@@ -43,16 +41,32 @@ class Witness:
     @cached_property
     def listeners(self) -> tuple[Station, ...]:
         """The slaves that take part: they can judge others."""
-        return tuple(station for station in self.heard if not self.deaf(station) and not self.halted(station))
+        return tuple(station for station in self.heard if not self.deaf(station) and not station.halted)
+
+    @cached_property
+    def stopped(self) -> bool:
+        """Whether the master does not work now."""
+        master = self.readout.at(0)
+        return master is not None and (master.halted or master.value("M8191") == 0)
+
+    def missing(self, k: int) -> bool:
+        """Whether a slave was away, or is: what others count of it then is no noise."""
+        gone = self.master is not None and self.master.flag(k) and self.readout.at(k) not in self.listeners
+        return bool(gone or self.absent(k))
+
+    def listed(self, told: Mapping[int, int], about: int = 0) -> str:
+        """Counts about a station by who tells them; what has no number is said to climb."""
+        climbs = {s.supposed for s in self.heard if s.climbs(about)}
+        return ", ".join(f"{j}: {'climbs' if j in climbs else count}" for j, count in told.items())
 
     @staticmethod
-    def halted(station: Station) -> bool:
-        """Whether it is off or in STOP."""
-        return station.state in ("off", "stop")
+    def seen(station: Station, about: int) -> int | None:
+        """Errors counted about a station; what climbs is more than a start leaves."""
+        return START + 1 if station.climbs(about) else station.count(about)
 
     def deaf(self, station: Station) -> str:
         """Why a station that should run hears nothing of the link, "" where it hears."""
-        if self.halted(station):
+        if station.halted:
             return ""
         if station.flag(0) and station.code(0) == codes.MASTER_SILENT:
             return "M8183 is on with code 11"
@@ -69,14 +83,14 @@ class Witness:
 
     def by_master(self, about: int) -> int:
         """The master's count about a slave, 0 where it was not read."""
-        return (self.master.count(about) or 0) if self.master is not None else 0
+        return (self.seen(self.master, about) or 0) if self.master is not None else 0
 
     def by_slaves(self, about: int) -> dict[int, int]:
         """What listening slaves count about a slave, by their number."""
         return {
             station.supposed: count
             for station in self.listeners
-            if station.supposed != about and (count := station.count(about)) is not None
+            if station.supposed != about and (count := self.seen(station, about)) is not None
         }
 
     def common(self, about: int) -> int:
@@ -92,13 +106,13 @@ class Witness:
         return {
             station.supposed: max(0, count - (station.code(0) == codes.MASTER_SILENT))
             for station in self.listeners
-            if (count := station.count(0)) is not None
+            if (count := self.seen(station, 0)) is not None
         }
 
     def own_misses(self, station: Station) -> int:
         """Replies that a slave missed and the master did not."""
         return sum(
-            max(0, (station.count(about) or 0) - self.by_master(about) - START)
+            max(0, (self.seen(station, about) or 0) - self.by_master(about) - START)
             for about in self.numbers
             if about != station.supposed
         )
@@ -110,7 +124,7 @@ class Witness:
             return 0
         more = {k: self.by_master(k) - max(self.by_slaves(k).values(), default=0) for k in self.numbers}
         found = {k: count for k, count in more.items() if count > START}
-        damaged = sum(self.master.code(k) == codes.DAMAGED for k in found)
+        damaged = sum(self.master.code(k) in (codes.DAMAGED, None) for k in found)
         return sum(found.values()) if 2 * damaged > len(found) else 0
 
     def absent(self, about: int) -> str:
@@ -132,8 +146,8 @@ class Witness:
         if own is None or not others or own >= min(others) or 2 * len(silent) <= len(tellers):
             return ""
         return (
-            f"{most} counts about station {about}, its flag is off, and its own D8202 = {own} saw none of "
-            f"the long scans (others at least {min(others)})"
+            f"{most} counts about station {about}, its flag is off, and its own D8202 = {own} is below "
+            f"that of those that counted ({min(others)} at least)"
         )
 
     @cached_property
@@ -147,6 +161,17 @@ class Witness:
         if longest is not None and (longest + 1) * link.model.unit < least:
             return dict.fromkeys(self.numbers, 0)
         return {k: 0 if self.absent(k) else self.common(k) for k in self.numbers}
+
+    @cached_property
+    def looks(self) -> list[int]:
+        """All looks at D8201 of the stations that take part."""
+        read = (*self.listeners, *((self.master,) if self.master else ()))
+        return [look for station in read for look in station.after.looks if look]
+
+    @property
+    def always_long(self) -> bool:
+        """Whether every look at D8201 is longer than a healthy scan."""
+        return bool(self.looks) and min(self.looks) > self.link.normal
 
     @cached_property
     def staggered(self) -> bool:
@@ -168,6 +193,6 @@ class Witness:
         ]
         return min((longest for longest in told if longest), default=None)
 
-    def scans(self, ber: float) -> float:
-        """Link scans while it was watched, with steady noise on the wire."""
-        return self.readout.watched / self.link.mean_scan(SteadyNoise(ber))
+    def scans(self, ber: float, ticks: int | None = None) -> float:
+        """Link scans while it was watched, or in a time, with steady noise on the wire."""
+        return (ticks or self.readout.watched) / self.link.mean_scan(SteadyNoise(ber))

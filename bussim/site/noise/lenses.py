@@ -12,10 +12,9 @@ from dataclasses import dataclass, field
 from math import exp, factorial, log
 
 from bussim.live.fit.statistics import CONFIDENCE, proportion
-from bussim.site.diagnosis.witness import START, Witness
-from bussim.site.forms import LIMIT
+from bussim.site.diagnosis.witness import Witness
 from bussim.site.link import SiteLink, SteadyNoise
-from bussim.site.readout import COUNT, Readout
+from bussim.site.readout import COUNT, START, Readout
 
 #: The greatest bit error rate that a count is inverted to.
 _WORST = 2e-3
@@ -82,10 +81,13 @@ def measure(readout: Readout, link: SiteLink) -> Measured:
     scans = readout.watched / link.healthy
     found = Measured(link, scans=(scans, scans, scans))
     witness = Witness(readout, link)
+    if witness.stopped:  # since when is not known: no number of scans, and no lens
+        found.scans = (0.0, *found.scans[1:])
+        return found
     # Where a calibration found that listeners count otherwise, what they count tells nothing.
     listeners = (_slaves, _missed) if "listeners" not in readout.profile.open else ()
     for _ in range(6):
-        found.lenses = [*_masters(readout, found), *_ladder(readout, found)]
+        found.lenses = [*_masters(witness, found), *_ladder(readout, found)]
         found.lenses += [lens for lens_of in listeners for lens in lens_of(witness, found)]
         before, found.scans = found.scans, _scans(readout, found)
         if abs(before[0] - found.scans[0]) < 0.5:
@@ -131,12 +133,12 @@ def _rates(found: Measured, count: int, *, fewer: int = 0) -> tuple[float, float
     return count / middle, poisson_mean(max(0, count - fewer))[0] / most, poisson_mean(count)[1] / least
 
 
-def _masters(readout: Readout, found: Measured) -> Iterable[Lens]:
+def _masters(witness: Witness, found: Measured) -> Iterable[Lens]:
     """M: station errors that the master counts. On the rising branch, where most exchanges succeed."""
-    master, link = readout.at(0), found.link
-    for k in range(1, link.settings.slaves + 1):
-        count = None if master is None else master.count(k)
-        if master is None or count is None or master.value(f"D{COUNT + k}") == LIMIT:
+    master, link = witness.master, found.link
+    for k in witness.numbers:
+        count = None if master is None else master.exact(k)
+        if master is None or count is None or witness.missing(k):
             continue
         fewer = 0 if master.before else min(START, count)  # which the start may have left
         most = 0.5 ** (1 / link.n) if link.model.error_count.on_edge else 1 - 1e-9
@@ -152,8 +154,8 @@ def _slaves(witness: Witness, found: Measured) -> Iterable[Lens]:
     polls = link.settings.slaves + max(0.0, (witness.readout.watched / least - link.healthy) / link.torn)
     for station in witness.listeners:
         count = witness.about_master.get(station.supposed)
-        if count is None or station.value(f"D{COUNT}") == LIMIT:
-            continue  # not read, or the counter has stopped
+        if count is None or station.exact(0) is None:
+            continue
         rates = _rates(found, count)
         value, low, high = _inverted(lambda ber: link.master_damaged(ber, polls), rates, _WORST)
         reading = f"D{COUNT} of {station.place} = {count}"
@@ -173,7 +175,7 @@ def _missed(witness: Witness, found: Measured) -> Iterable[Lens]:
         for k in witness.numbers:
             others = [count for i, count in witness.by_slaves(k).items() if i != j]
             others += [witness.by_master(k)] if witness.master is not None else []
-            if k != j and (count := station.count(k)) is not None and others:
+            if k != j and (count := station.exact(k)) is not None and others and not witness.missing(k):
                 total, seen, all_ = total + 1, seen + max(0, count - min(others)), all_ + count
         if not total:
             continue
@@ -224,9 +226,13 @@ def _silent_share(link: SiteLink, failing: float, long: float) -> float:
 
 def _longest(witness: Witness, found: Measured) -> Iterable[Lens]:
     """X: the least D8202 of all stations, which bounds and does not measure; for both kinds of failure."""
-    longest, link = witness.least_longest, found.link
-    if longest is None or not link.fits:
+    link, ladder, read = found.link, witness.readout.ladder, witness.least_longest
+    seen = [] if read is None else [(read, "the least D8202")]
+    if ladder is not None and ladder.max_ms is not None:
+        seen.append((round(ladder.max_ms), "the ladder's longest"))
+    if not seen or not link.fits:
         return  # a law that does not hold bounds nothing
+    longest, where = min(seen, key=lambda one: one[0])
     edge, slaves = (longest + 0.5) * link.model.unit, link.settings.slaves
     tail = 1 - _ONE_SIDED ** (1 / found.scans[0])
 
@@ -240,7 +246,7 @@ def _longest(witness: Witness, found: Measured) -> Iterable[Lens]:
     wire = link.attempt(SteadyNoise(_rough(lambda ber: beyond(SteadyNoise(ber)), tail, _WORST)))[0].failed
     kinds = {"damaged": wire, "lost": _rough(lambda p: beyond(lost(p)), tail, 0.6)}
     for kind, high in kinds.items():
-        reading = f"the least D8202 = {longest} (healthy: {link.normal})"
+        reading = f"{where} = {longest} (healthy: {link.normal})"
         rests = f"all alike, all {kind}"
         yield Lens("X", None, reading, "failed attempts", 0, 0.0, 0.0, high, rests)
 

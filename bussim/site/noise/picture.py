@@ -8,6 +8,7 @@ from math import log
 from typing import Any
 
 from bussim.engines.nn import codes
+from bussim.site.diagnosis.witness import Witness
 from bussim.site.link import SiteLink, SteadyNoise
 from bussim.site.noise.lenses import Lens, Measured, measure, poisson_mean
 from bussim.site.readout import Readout
@@ -106,10 +107,9 @@ def picture(readout: Readout, link: SiteLink) -> Picture:
         else:
             senders[k] = 1 - (1 - excess) ** (1 / link.data_bits)
         chance = _at_least(lens.count, found.scans[2] * link.station_errors(most[k - 1].failed))
+        by = f"a chance of {chance:.1g}" if chance > 1e-99 else "no chance"
         kind = "lost or missing" if k in lost else "damaged where slaves do not tell"
-        unexplained.append(
-            f"{lens.reading}: with {chance:.1g} by the damage that slaves count; replies are {kind}"
-        )
+        unexplained.append(f"{lens.reading} has {by} by the damage that slaves count; replies are {kind}")
     beyond = _ladder_beyond(found, [each.failed for each in most])
     unexplained += beyond
     if beyond and (ladder := found.of("E", None)) and (share := found.of("T", None)):
@@ -183,7 +183,8 @@ def _fails(found: Measured, k: int, least: list[float], damage: tuple[float, flo
     # A limit below what the slaves count contradicts them: both cannot be of one law.
     high = limits.get(name, 1.0) if limits.get(name, 1.0) >= least[k - 1] else max(damage[1], least[k - 1])
     value = min(max(damage[0], least[k - 1]), high)
-    return Fails(value, min(least[k - 1], high), high, f"S and {name}" if damage[0] else name)
+    by = " and ".join(each for each in ("S" if damage[0] else "", name) if each) or "none"
+    return Fails(value, min(least[k - 1], high), high, by)
 
 
 def _silent(readout: Readout, found: Measured, k: int) -> bool:
@@ -242,7 +243,14 @@ def _ladder_beyond(found: Measured, most: list[float]) -> list[str]:
 def _unknown(readout: Readout, found: Measured, bursts: str, *, lost_anywhere: bool) -> list[str]:
     """What these readings cannot tell, each with the reading that would."""
     link, master = found.link, readout.at(0)
-    texts = []
+    witness, texts = Witness(readout, link), []
+    if witness.stopped:
+        texts.append("how many scans there were: the master does not work now, and since when was not read")
+    texts += [
+        f"what fails at {readout.label(k)} while it works: it is or was away, which its counts tell, too"
+        for k in witness.numbers
+        if witness.missing(k)
+    ]
     if not link.fits:
         texts.append(
             f"limits by D8202: scans of {link.shown} were seen, by profile and settings they take "
@@ -250,7 +258,8 @@ def _unknown(readout: Readout, found: Measured, bursts: str, *, lost_anywhere: b
         )
     if not found.named("S"):
         texts.append(
-            "lost or damaged, and where: no slave was read (D8203 tells of the wire, others of receivers)"
+            "lost or damaged, and where: there is no count of a slave that works (D8203 tells of the wire, "
+            "others of receivers)"
         )
     if master is None or not master.read:
         texts.append("which station fails: the master was not read; its D8204 on tell that")

@@ -37,6 +37,9 @@ def sizes(picture: Picture) -> dict[str, Size]:
             None, "the lengths of bursts are not known, on which retries depend; bussim sniff tells them"
         )
         return {"likeliest": unknown, "upper_limits": unknown}
+    if not picture.measured.lenses:
+        unknown = Size(None, "nothing that was read tells how much noise there is")
+        return {"likeliest": unknown, "upper_limits": unknown}
     return {"likeliest": _size(picture, picture.noise), "upper_limits": _size(picture, picture.upper)}
 
 
