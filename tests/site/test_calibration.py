@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from bussim.errors import ScenarioError
 from bussim.plc.profiles import AbsentStation, Attempts, ErrorCount, Reply
 from bussim.scenario.yaml.dump import dumped
 from bussim.site.calibration import Found, calibrate
@@ -121,6 +122,87 @@ def test_listeners_that_count_otherwise_are_no_lenses(tmp_path: Path) -> None:
     check = {"retries": 3, "timeout": "100 ms", "slaves": 3, "cut": {"number": 0}, "D8203": 1, "D8211": 11}
     assert "listeners" not in found(tmp_path, listeners=check).open
     assert "listeners" in found(tmp_path, listeners=check | {"D8203": 9}).open
+
+
+SLOW_MASTER = {
+    "retries": 3,
+    "timeout": "100 ms",
+    "slaves": 3,
+    "slow_plc": {"number": 0, "scan": "60 ms"},
+    "D8201": 67,
+}
+#: Scans with a slave off at D8180 = 4: 54.5 + 4 × 41.7 ms as it is, 4 × 51.7 ms as 50 ms.
+FLOOR = {"retries": 3, "timeout": "40 ms", "slaves": 3, "cut": {"number": 2}, "D8201": 221}
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({}, "D8180 = 4 is taken as it is"),
+        ({"D8201": 261}, "D8180 = 4 is taken as 50 ms"),
+        ({"M8063": "on", "D8063": 7448}, "D8180 = 4 is a parameter error (D8063 = 7448)"),
+    ],
+)
+def test_how_a_short_timeout_is_taken(change: dict[str, Any], said: str, tmp_path: Path) -> None:
+    assert said in " ".join(found(tmp_path, floor_40=FLOOR | change).checked)
+
+
+def test_a_short_timeout_that_no_rule_explains_or_no_slave_shows(tmp_path: Path) -> None:
+    assert "a timeout of 44" in " ".join(found(tmp_path, floor_40=FLOOR | {"D8201": 241}).unexplained)
+    whole = {key: value for key, value in FLOOR.items() if key != "cut"}
+    assert "D8180 = 4" in found(tmp_path, floor_40=whole).open
+
+
+def test_d8201_does_not_rise_with_the_masters_plc_scan_or_the_model_is_wrong(tmp_path: Path) -> None:
+    here = found(tmp_path, master_slow=SLOW_MASTER)
+    assert "D8201 does not rise with the master's PLC scan" in here.checked
+    risen = " ".join(found(tmp_path, master_slow=SLOW_MASTER | {"D8201": 80}).unexplained)
+    assert "D8201 rises with the master's PLC scan: it is 80.0 ms instead of 66.7 ms" in risen
+
+
+def test_slaves_count_alike_about_one_that_was_cut_or_are_no_lenses(tmp_path: Path) -> None:
+    cut = EXAMPLE["off_3_100"]
+    assert "listeners" not in found(tmp_path, off_3_100=cut | {"at_slaves": [140, 139]}).open
+    assert (
+        "slaves count 140, 90" in found(tmp_path, off_3_100=cut | {"at_slaves": [140, 90]}).open["listeners"]
+    )
+
+
+@pytest.mark.parametrize(
+    ("changed", "text"),
+    [
+        ({"one": EXAMPLE["one"] | {"D8201": 94}}, "an exchange takes -13.7 ms by all and one, and its frames alone"),
+        ({"all": EXAMPLE["all"] | {"D8201": 6700}}, "D8201 is 6700, and frames and turnarounds take about 78 ms"),
+        ({"off_3_100": EXAMPLE["off_3_100"] | {"D8201": 60}, "one_slow": None}, "D8201 has room for 0.0"),
+    ],
+)  # fmt: skip
+def test_times_that_cannot_be_are_no_profile(changed: dict[str, Any], text: str, tmp_path: Path) -> None:
+    assert text in " ".join(found(tmp_path, **changed).unexplained)
+
+
+def test_a_short_last_cut_does_not_tell_how_errors_are_counted(tmp_path: Path) -> None:
+    short = EXAMPLE["off_3_100"] | {"cut": {"number": 2, "times": 3, "last_for": "1 us"}}
+    assert "lasted for 2e-06 scans only" in found(tmp_path, off_3_100=short).open["error_count"]
+
+
+@pytest.mark.parametrize(
+    ("experiment", "change", "text"),
+    [
+        ("all", {"D8201": 0}, "D8201 is 0, which is no scan"),
+        ("one", {"slaves": 3}, "slaves is 3, allowed 1..2 in one"),
+        ("off_3_100", {"cut": {"number": 6}}, "cut.number is 6, allowed 1..3 in off_3_100"),
+        (
+            "all",
+            {"slow_plc": {"number": 1, "scan": "60 ms"}},
+            "slow_plc belongs to another experiment than all",
+        ),
+    ],
+)
+def test_an_experiment_has_what_its_name_says(
+    experiment: str, change: dict[str, Any], text: str, tmp_path: Path
+) -> None:
+    with pytest.raises(ScenarioError, match=text):
+        found(tmp_path, **{experiment: EXAMPLE[experiment] | change})
 
 
 @pytest.mark.slow

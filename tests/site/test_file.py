@@ -165,3 +165,36 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
 def test_a_profile_whose_name_no_file_can_have_is_told(tmp_path: Path) -> None:
     found = problems(HEAD.format(profile="x" * 300) + "  - {place: press}\n", tmp_path)
     assert any("neither a profile nor a file of one" in problem for problem in found)
+
+
+@pytest.mark.parametrize(
+    ("ladder", "message"),
+    [
+        ({"rises": [0, 7, 0]}, "ladder.rises.1 is 7, and D8201 never rose to 70"),
+        ({"rises": [9, 7, 0], "max_ms": 66}, "ladder.max_ms is 66, with 9 rises to 70"),
+        ({"rises": [9, 7, 0], "max_ms": 140}, "ladder.max_ms is 140, with 0 rises to 125"),
+        ({"rises": [9, 19000, 0]}, "ladder.rises.1 is 19000, more than the 18018 scans that were watched"),
+    ],
+)
+def test_a_ladder_does_not_contradict_itself(ladder: dict[str, object], message: str, tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match=message):
+        readout(healthy() | {"ladder": {"thresholds_ms": [70, 101, 125], **ladder}}, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("number", "name", "count"), [(0, "D8205", 20000), (1, "D8203", 300000 // 10), (3, "D8204", 19000)]
+)
+def test_no_more_is_counted_than_there_were_scans(number: int, name: str, count: int, tmp_path: Path) -> None:
+    data = healthy() | {"watched": "20 min" if name != "D8203" else "2 min"}
+    seen(data, number, **{name: count})
+    with pytest.raises(
+        ScenarioError, match=rf"{name} counts {count} while it was watched, which is \d+ scans"
+    ):
+        readout(data, tmp_path)
+
+
+def test_a_register_is_noted_once(tmp_path: Path) -> None:
+    data = healthy()
+    seen(data, 1, d8203=4)
+    with pytest.raises(ScenarioError, match="d8203 is the register D8203 once more"):
+        readout(data, tmp_path)

@@ -175,6 +175,64 @@ def test_plans_reach_their_factor(tmp_path: Path) -> None:
         assert watch.events * watch.seconds == pytest.approx(EVENTS)
 
 
+def test_what_climbs_is_no_number_of_events(tmp_path: Path) -> None:
+    data = healthy()
+    for number in (0, 1, 2):
+        data["stations"][number] |= {"after": {"M8191": "on"}, "rising": ["D8203" if number else "D8204"]}
+    found = of(data, tmp_path).measured
+    assert [lens.station for lens in found.named("M")] == []
+    assert [lens.station for lens in found.named("S")] == [3]
+
+
+def test_a_station_that_came_late_has_no_failures_of_that(tmp_path: Path) -> None:
+    """Saw came after 34 scans, lift after 9: neither their counts nor what early slaves count more is noise."""
+    data = healthy()
+    for number, longest in ((0, 680), (1, 680), (2, 363)):
+        late = {"D8206": 34 if number < 2 else 25, "D8214": 21 if number else 1}
+        seen(
+            data,
+            number,
+            D8202=longest,
+            **late,
+            **({"D8205": 9, "D8213": 21 if number else 1} if number < 2 else {}),
+        )
+    found = of(data, tmp_path)
+    assert [lens.station for lens in found.measured.named("M")] == [1]
+    assert all(not lens.count for lens in found.measured.named("L"))
+    assert {fails.low for fails in found.fails.values()} == {0.0}
+    assert "what fails at saw (station 3) while it works" in " ".join(found.unknown)
+
+
+def test_how_long_a_stopped_master_ran_is_not_known(tmp_path: Path) -> None:
+    data = healthy()
+    data["stations"][0]["state"] = "stop"
+    found = of(data, tmp_path)
+    assert found.measured.lenses == []
+    assert found.measured.scans[0] == 0
+    assert found.fails[1].high == 1.0
+    assert "how many scans there were" in " ".join(found.unknown)
+    assert sizes(found)["likeliest"].why == "nothing that was read tells how much noise there is"
+
+
+def test_the_ladders_longest_scan_bounds_where_the_start_spoilt_d8202(tmp_path: Path) -> None:
+    data = healthy()
+    for number in range(4):
+        seen(data, number, D8202=900)
+    data |= {"ladder": {"thresholds_ms": [70, 101, 125], "rises": [0, 0, 0], "max_ms": 67}}
+    lens = of(data, tmp_path).measured.named("X")[0]
+    assert "the ladder's longest = 67" in lens.reading
+    assert lens.high < 1e-3
+
+
+def test_a_chance_that_no_number_shows_is_none(tmp_path: Path) -> None:
+    data = healthy()
+    data["settings"]["retries"] = 0
+    seen(data, 0, D8204=9000, D8212=4)
+    assert "D8204 of press = 9000 has no chance by the damage that slaves count" in " ".join(
+        of(data, tmp_path).unexplained
+    )
+
+
 def test_a_root_outside_of_the_range_is_its_end() -> None:
     assert root(lambda x: x, 2.0, 1.0) == 1.0
     assert root(lambda x: x + 1, 0.5, 1.0) == 0.0

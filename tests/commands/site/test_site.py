@@ -86,7 +86,7 @@ def test_the_readout_of_a_run_is_read_again(
     assert main([*run, "--readout", "paper.yaml", *as_seen]) == 0
     paper = Path("paper.yaml").read_text(encoding="utf-8")
     assert ("number: 1" in paper, "plc_scan" in paper) == (not as_seen, not as_seen)
-    assert "- {place: press3, state: 'off'}" in paper
+    assert "- place: press3\n  state: 'off'\n  lamps: {SD: dark, RD: dark}\n" in paper
     capsys.readouterr()
     assert main(["site", "paper.yaml", "--json"]) == 0
     first = json.loads(capsys.readouterr().out)["causes"][0]
