@@ -133,6 +133,11 @@ class Plc:
         """Whether received blocks may change what ENDs do, which may be left out if they do not."""
         return self._rest.reads_blocks
 
+    @property
+    def is_independent(self) -> bool:
+        """Whether nothing but time decides what its ENDs do, the supply and the mode switch apart."""
+        return self._rest.possible and not self._rest.reads_blocks
+
     def scan_under_link(self) -> tuple[int, int]:
         """Mean and jitter of the scan while N:N runs, in ticks."""
         factor = self.profile.scan_factor

@@ -13,7 +13,7 @@ and priority fire in the order in which they were set, chained or not.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from heapq import heappop
 from typing import Final
 
@@ -141,11 +141,17 @@ class Kernel:
         """Call ``action(tick)`` once."""
         self.timer(action, priority).set(tick)
 
-    def next(self) -> int:
-        """The tick at which something may happen next, far away if nothing is to happen at all."""
+    def next(self, but: Collection[Timer] = ()) -> int:
+        """The tick at which something may happen next, far away if nothing is to happen at all.
+
+        What some timers do is passed over.
+        """
         if self.chained is not None:  # set while no action ran
             self.chained.unchain()
         queue = self.env._queue  # noqa: SLF001 - entries of timers that were set anew are dropped here
+        if but:
+            timers = [(at, event._value) for at, _, _, event in queue]  # noqa: SLF001
+            return min((at for at, timer in timers if at == timer.at and timer not in but), default=NEVER)  # type: ignore[return-value] # ticks are whole
         while queue and queue[0][0] != queue[0][3]._value.at:  # noqa: SLF001
             heappop(queue)
         return queue[0][0] if queue else NEVER  # type: ignore[return-value] # ticks are whole

@@ -212,6 +212,8 @@ class Simulation:
             clock = EndClock(plc, self.kernel, ports, len(units)) if plc.has_ends else None
             if self.may_rest and name not in timed:
                 plc.may_rest()
+            if isinstance(link, LinkPort):
+                link.clock = clock
             self._probes.append(PlcProbe(plc, programs[name], self._sink, ends=name in timed))
             units[name] = PlcUnit(
                 plc, link if isinstance(link, LinkPort) else None, ports, clock, self._ends.record

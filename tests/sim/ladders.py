@@ -6,14 +6,16 @@ from dataclasses import replace
 from random import Random
 
 from bussim.plc.inputs import InputSpec, Pulse, RandomInput, Square, Times
+from bussim.plc.profiles import PROFILES
 from bussim.plc.program.program import Program
+from bussim.plc.sources import Counter
 from bussim.scenario import model
 from tests.sim import chance
-from tests.sim.build import MS
+from tests.sim.build import MS, link
 
 
-def _contact(rng: Random, own: int, spacing: int) -> str:
-    other = rng.choice([0, 1, 2, 3])
+def _contact(rng: Random, own: int, spacing: int, *, alone: bool) -> str:
+    other = own if alone else rng.choice([0, 1, 2, 3])
     plain = [f"X{rng.randrange(3)}", f"M{rng.randrange(6)}", f"M{1000 + 64 * own + rng.randrange(3)}"]
     rare = [
         f"M{1000 + 64 * other}",
@@ -31,16 +33,16 @@ def _contact(rng: Random, own: int, spacing: int) -> str:
     device = rng.choice(plain if rng.random() < 0.6 else rare)
     name = rng.choice(["LD", "LD", "LDI", "LDP", "LDF"])
     if rng.random() < 0.1:
-        return f"LD{rng.choice('=<>')} D{rng.choice([10, 11, spacing * other])} K{rng.randrange(4)}"
+        return f"LD{rng.choice('=<>')} D{rng.choice([410, 411, spacing * other])} K{rng.randrange(4)}"
     return "LD M8011" if rng.random() < 0.01 else f"{name} {device}"
 
 
-def _output(rng: Random, own: int, spacing: int) -> str:
+def _output(rng: Random, own: int, spacing: int, *, alone: bool) -> str:
     word = spacing * own + 1 + rng.randrange(3)
     bit = rng.choice(
         [f"M{rng.randrange(6)}", f"M{1000 + 64 * own + rng.randrange(3)}", f"Y{rng.randrange(3)}"]
     )
-    other = spacing * rng.choice([0, 1, 2])
+    other = spacing * (own if alone else rng.choice([0, 1, 2]))
     choices = [
         f"OUT {bit}",
         f"OUT {bit}",
@@ -50,7 +52,7 @@ def _output(rng: Random, own: int, spacing: int) -> str:
         f"MOV K{rng.randrange(9)} D{word}",
         f"MOV D{other} D{word}",
         f"MOV T0 D{word}",
-        "MOV C0 D10",
+        "MOV C0 D410",
         "OUT T0 K3",
         "OUT T200 K7",
         "OUT T192 K2",
@@ -58,40 +60,47 @@ def _output(rng: Random, own: int, spacing: int) -> str:
         "RST T246",
         "OUT C0 K2",
         "RST C0",
-        "INCP D11",
-        f"ADD D{word} K1 D10",
+        "INCP D411",
+        f"ADD D{word} K1 D410",
         "ALTP M5",
-        "DIVP D11 D10 D12",
-        "CMP K2 D10 M0",
+        "DIVP D411 D410 D412",
+        "CMP K2 D410 M0",
         "SFTLP X0 M0 K4 K1",
         "SET S0",
         "RST S0",
     ]
     rare = [
-        "INC D10",
+        "INC D410",
         f"MOV K7 D{other}",
-        "MOV D8010 D10",
-        "MOV D8000 D10",
+        "MOV D8010 D410",
+        "MOV D8000 D410",
         "MOV K300 D8000",
-        "MOV D10 D20Z0",
+        "MOV D410 D420Z0",
     ]
     return rng.choice(rare if rng.random() < 0.02 else choices)
 
 
-def program(rng: Random, own: int, spacing: int, name: str) -> Program:
-    """A random program that comes to rest more often than not."""
+def program(rng: Random, own: int, spacing: int, name: str, *, alone: bool) -> Program:
+    """A random program that comes to rest more often than not; ``alone``: it reads no other station's block."""
     lines = []
+
+    def contact() -> str:
+        return _contact(rng, own, spacing, alone=alone)
+
+    def output() -> str:
+        return _output(rng, own, spacing, alone=alone)
+
     for number in range(rng.randint(1, 5)):
-        lines.append(_contact(rng, own, spacing))
+        lines.append(contact())
         kind = rng.random()
         if kind < 0.05:
-            lines += [f"CJ P{number}", _contact(rng, own, spacing), _output(rng, own, spacing), f"P{number}"]
+            lines += [f"CJ P{number}", contact(), output(), f"P{number}"]
         elif kind < 0.1:
-            lines += ["MC N0 M4", _contact(rng, own, spacing), _output(rng, own, spacing), "MCR N0"]
+            lines += ["MC N0 M4", contact(), output(), "MCR N0"]
         elif kind < 0.13:
-            lines[-1:] = ["FOR K2", lines[-1], _output(rng, own, spacing), "NEXT"]
+            lines[-1:] = ["FOR K2", lines[-1], output(), "NEXT"]
         else:
-            lines.append(_output(rng, own, spacing))
+            lines.append(output())
     return Program.parse("\n".join([*lines, "END"]), name)
 
 
@@ -109,18 +118,27 @@ def _stimulus(rng: Random) -> InputSpec:
 def scenario(seed: int, seconds: float = 0.7) -> model.Scenario:
     """A random scenario of the link's with programs in most PLCs, the same for the same seed."""
     made, rng = chance.scenario(seed, seconds), Random(seed)
+    alone = rng.random() < 0.6
+    if rng.random() < 0.6:  # most link scans are ordinary
+        noise = [model.Noise("loss", model.Target("link"), model.ReplyLoss(rng.choice([0.0, 0.02, 0.1])))]
+        mode, scans = rng.randint(0, 3), {at: {"scan": model.Scan(7 * MS, 2 * MS)} for at in range(4)}
+        made = link(
+            4, mode, seconds=2 * seconds, profile=PROFILES["pw10"], seed=seed, noise=noise, others=scans
+        )
     plcs = []
     for spec in made.plcs:
         own, spacing = spec.registers["D8176"], spec.profile.word_spacing
         changes: dict[str, object] = {}
+        if rng.random() < 0.3:
+            changes["sources"] = {f"D{spacing * own}": Counter(rng.randint(40, 900) * MS)}
         if rng.random() < 0.8:
-            changes["program"] = program(rng, own, spacing, spec.name)
+            changes["program"] = program(rng, own, spacing, spec.name, alone=alone)
             changes["sources"] = {}
         if rng.random() < 0.7:
             changes["inputs"] = {f"X{point}": _stimulus(rng) for point in range(3) if rng.random() < 0.7}
         if rng.random() < 0.4:
-            names = ["M0", "Y0", "D10", f"M{1000 + 64 * own}", f"M{1064 - 64 * own % 128}", "D0", "X0"]
-            changes["observed"] = tuple(rng.sample(names, 3))
+            names = ["M0", "X0", "D410", f"M{1000 + 64 * own}", f"M{1064 - 64 * own % 128}", "D0", "Y0"]
+            changes["observed"] = tuple(rng.sample(names[: 4 if alone else 7], 3))
         if rng.random() < 0.3:
             changes["scan"] = model.Scan(10 * MS)  # ENDs of several PLCs at one tick
             changes["phase"] = 0

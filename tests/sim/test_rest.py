@@ -48,7 +48,7 @@ def compare(scenario: model.Scenario, *, traced: bool) -> None:
 
 @pytest.mark.parametrize("seed", quick(12, range(300)))
 def test_random_programs(seed: int) -> None:
-    compare(ladders.scenario(seed), traced=seed % 2 == 0)
+    compare(ladders.scenario(seed), traced=seed % 3 == 0)
 
 
 @pytest.mark.slow

@@ -10,7 +10,8 @@ the last byte with and without, which a test compares.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from heapq import heapify, heapreplace
 from itertools import zip_longest
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -19,8 +20,9 @@ from bussim.engines.nn.frames import DATA, KIND_NAMES, POLL, POLL_CHARS, data_ch
 from bussim.engines.nn.master import Master
 from bussim.engines.nn.ordinary import OrdinaryScans, ordinary_scans
 from bussim.engines.nn.slave import Slave
-from bussim.sim.kernel import Kernel
+from bussim.sim.kernel import NEVER, Kernel
 from bussim.sim.nn.contract import LinkStation
+from bussim.sim.serial.plc_port import EndClock
 from bussim.sim.wire.contract import Transmission
 from bussim.sim.wire.disturber import FramesAhead
 
@@ -62,12 +64,17 @@ class BlockPath:
         if stations is None:
             return False
         bus.unwatch()
-        until = min(kernel.next(), bus.disturber.calm_until(now))
+        clocks = self._independent(stations)
+        until = min(kernel.next([clock.timer for clock in clocks]), bus.disturber.calm_until(now))
         if any(other.plc.reads_blocks for other in stations.receiving):
             until = min([until, *self._same_until(stations, now)])
         scans = self._scans(stations, now, until)
         if scans is not None:
+            for clock in clocks:
+                clock.stop()
             self._pass(stations, scans, now)
+            for clock in clocks:
+                clock.schedule_end(kernel.now)
         bus.rewatch()
         return scans is not None
 
@@ -97,6 +104,19 @@ class BlockPath:
         if len(by_station) < len(slaves) or not by_station.keys() >= set(numbers):
             return None
         return _Stations(port, master, [by_station[number] for number in numbers], slaves, receiving)
+
+    def _independent(self, stations: _Stations) -> list[EndClock]:
+        """The clocks of PLCs whose ENDs may be carried out when their blocks are asked for.
+
+        None where others read the blocks, or the records of a trace are to come in order.
+        """
+        if self._bus.sink.traced or any(other.plc.reads_blocks for other in stations.receiving):
+            return []
+        return [
+            other.clock
+            for other in stations.receiving
+            if other.clock is not None and other.clock.timer.at >= 0 and other.plc.is_independent
+        ]
 
     def _same_until(self, stations: _Stations, now: int) -> Iterator[int]:
         """Until when each station's block is the one that all have received last; now: it is another."""
@@ -198,28 +218,40 @@ class BlockPath:
         # Every END to come finds a block of a scan that was over by then: no scan of a PLC lasts longer.
         first = max(0, int(scans.starts.searchsorted(old, side="right")) - 2)
         begun = (scans.starts[:-1], *scans.replies)
-        for station, (sender, starts) in enumerate(zip((port, *polled), begun, strict=True)):
+        kept: dict[LinkStation, list[int]] = {each: [] for each in receiving}
+        for sender, starts in zip((port, *polled), begun, strict=True):
             if not bus.sink.traced:
-                self._keep(sender, station, starts[first:].tolist(), scans.data, missed, old)
+                kept[sender] = _latest(starts[first:].tolist(), old - scans.data)
             heard = None if took is None else [each for each in took if each != sender.position]
             bus.sink.refreshed_often(bus.name, sender.position, starts + scans.data, heard)
+        images = self._images(kept, now, scans.end)
+        for station, sender in enumerate((port, *polled)):
+            for start, image in zip(kept[sender], images[sender], strict=True):
+                bus.block_history.received(station, start + scans.data, image, missed)
+            if images[sender] and sender.engine is not None:
+                sender.engine.image = images[sender][-1]
 
-    def _keep(
-        self,
-        sender: LinkStation,
-        station: int,
-        starts: Sequence[int],
-        data: int,
-        missed: Sequence[int],
-        old: int,
-    ) -> None:
-        """Keep a station's latest block that is received by ``old``, and those after it."""
-        engine, history = sender.engine, self._bus.block_history
-        assert engine is not None  # noqa: S101 - narrows the type; every station has one
-        for start, after in zip_longest(starts, starts[1:]):
-            if after is None or after + data > old:
-                engine.image = sender.plc.image_at(start)
-                history.received(station, start + data, engine.image, missed)
+    def _images(
+        self, kept: Mapping[LinkStation, Sequence[int]], now: int, end: int
+    ) -> dict[LinkStation, list[bytes]]:
+        """What stations send at these ticks; independent PLCs carry out their ENDs before ``end``."""
+        images: dict[LinkStation, list[bytes]] = {port: [] for port in kept}
+        ends = [
+            (port.plc.wanted_end(now) or NEVER, port.position, port)
+            for port in kept
+            if port.clock is not None and port.clock.timer.at < 0
+        ]
+        heapify(ends)
+        while ends and ends[0][0] < end:
+            at, position, port = ends[0]
+            plc, made, starts = port.plc, images[port], kept[port]
+            while len(made) < len(starts) and starts[len(made)] < at:
+                made.append(plc.image_at(starts[len(made)]))
+            plc.end(at)
+            heapreplace(ends, (plc.wanted_end(at) or NEVER, position, port))
+        for port, starts in kept.items():
+            images[port] += map(port.plc.image_at, starts[len(images[port]) :])
+        return images
 
     def _trace(self, stations: _Stations, scans: OrdinaryScans, frame: Frame, missed: Sequence[int]) -> None:
         """Record every frame and attempt, and keep every block, in the order in which they come."""
@@ -252,6 +284,11 @@ class BlockPath:
         if frame.kind == DATA:
             bus.block_history.received(frame.station, end, frame.data, missed)
         bus.record(Transmission(sender, frame, chars, start, end, sender.timing))
+
+
+def _latest(starts: Sequence[int], old: int) -> list[int]:
+    """The latest of some ticks up to ``old``, and those after it."""
+    return [start for start, after in zip_longest(starts, starts[1:]) if after is None or after > old]
 
 
 def _shortest(port: LinkStation) -> int:

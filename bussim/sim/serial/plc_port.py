@@ -115,14 +115,17 @@ class PlcPort(SerialNode):
 
 
 class EndClock:
-    """Carries out those ENDs of a PLC that some port of it waits for; other ENDs are no events."""
+    """Carries out those ENDs of a PLC that some port of it waits for; other ENDs are no events.
+
+    ``number`` is the PLC's place among all, ``timer`` that of its next END.
+    """
 
     def __init__(self, plc: Plc, kernel: Kernel, ports: Iterable[PlcPort], number: int) -> None:
         self._plc = plc
         self._ports = {port.port_registers.spec.name: port for port in ports}
         # Those of one tick come in the order of PLCs, whether some were left out before or not.
         priority = EventPriority(END + number) if plc.every_end else END
-        self._timer = kernel.timer(self._on_end, priority)
+        self.timer = kernel.timer(self._on_end, priority)
         plc.on_wake = self.schedule_end
         for port in self._ports.values():
             port.clock = self
@@ -131,13 +134,13 @@ class EndClock:
         """Arm the timer for the next END that is waited for."""
         at = self._plc.wanted_end(now)
         if at is None:
-            self._timer.cancel()
-        elif self._timer.at != at:
-            self._timer.set(at)
+            self.timer.cancel()
+        elif self.timer.at != at:
+            self.timer.set(at)
 
     def stop(self) -> None:
         """STOP or power-off: no END happens any more."""
-        self._timer.cancel()
+        self.timer.cancel()
 
     def _on_end(self, now: int) -> None:
         hints = self._plc.end(now)
