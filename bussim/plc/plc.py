@@ -113,6 +113,8 @@ class Plc:
         self.every_end = program is not None or bool(self._inputs) or bool(self._observed)
         self.observer: PlcObserver | None = None
         self._rest = Rest(None, ())  # no END is left out
+        #: Whether received blocks may change what ENDs do, which may be left out if they do not.
+        self.reads_blocks = False
         self._rests_until = -1  # before this tick no END changes anything; -1: the next one may
         #: Called with the tick when an END has come to matter that did not.
         self.on_wake: Callable[[int], None] | None = None
@@ -129,14 +131,9 @@ class Plc:
             self._rest = Rest(depends, self._observed)
 
     @property
-    def reads_blocks(self) -> bool:
-        """Whether received blocks may change what ENDs do, which may be left out if they do not."""
-        return self._rest.reads_blocks
-
-    @property
     def is_independent(self) -> bool:
         """Whether nothing but time decides what its ENDs do, the supply and the mode switch apart."""
-        return self._rest.possible and not self._rest.reads_blocks
+        return self._rest.possible and not self.reads_blocks
 
     def scan_under_link(self) -> tuple[int, int]:
         """Mean and jitter of the scan while N:N runs, in ticks."""
@@ -202,7 +199,7 @@ class Plc:
             port.take_over(self.memory, self.errors, now)
         self._image, self._image_until = None, -1
         self._rests_until = -1
-        self._rest.find_blocks(self.link_registers.other_blocks())
+        self.reads_blocks = self._rest.depends_on(self.link_registers.other_blocks())
         first_end = self.cycle.run(now, mean, jitter, self._phase)
         halted = logic is not None and logic.halted
         if logic is not None and halted and self._rest.depends is not None:

@@ -133,14 +133,12 @@ class Rest:
     def __init__(self, depends: Dependence | None, observed: Collection[Device]) -> None:
         self.depends = depends
         self._observed = observed
-        #: Whether any may be since RUN, and whether received blocks may change what they do.
+        #: Whether any may be since RUN.
         self.possible = depends is not None
-        self.reads_blocks = False
 
-    def find_blocks(self, blocks: Sequence[BlockRange]) -> None:
-        """RUN: where other stations' blocks are. What is written there the next block undoes."""
-        if (depends := self.depends) is not None:
-            self.possible = not any(depends.touches(block, writes=True) for block in blocks)
-            self.reads_blocks = any(
-                depends.touches(block) or any(map(block.holds, self._observed)) for block in blocks
-            )
+    def depends_on(self, blocks: Sequence[BlockRange]) -> bool:
+        """RUN: whether ENDs depend on what comes into these blocks. What is written there does not stay."""
+        if (depends := self.depends) is None:
+            return False
+        self.possible = not any(depends.touches(block, writes=True) for block in blocks)
+        return any(depends.touches(block) or any(map(block.holds, self._observed)) for block in blocks)

@@ -44,6 +44,9 @@ class _Stations(NamedTuple):
     polled: list[LinkStation]
     slaves: list[Slave]
     receiving: list[LinkStation]
+    #: Whether blocks may change what some PLC's ENDs do; the clocks of those on which time alone decides.
+    reading: bool
+    independent: list[EndClock]
 
 
 class BlockPath:
@@ -64,9 +67,10 @@ class BlockPath:
         if stations is None:
             return False
         bus.unwatch()
-        clocks = self._independent(stations)
+        # Where others read the blocks, or the records of a trace are to come in order, ENDs happen in time.
+        clocks = [] if stations.reading or bus.sink.traced else stations.independent
         until = min(kernel.next([clock.timer for clock in clocks]), bus.disturber.calm_until(now))
-        if any(other.plc.reads_blocks for other in stations.receiving):
+        if stations.reading:
             until = min([until, *self._same_until(stations, now)])
         scans = self._scans(stations, now, until)
         if scans is not None:
@@ -87,6 +91,7 @@ class BlockPath:
         by_station: dict[int, LinkStation] = {}
         slaves: list[Slave] = []
         receiving: list[LinkStation] = []
+        reading, independent = False, list[EndClock]()
         for other in self._bus.ports:
             engine = other.engine
             if engine is None:
@@ -94,6 +99,10 @@ class BlockPath:
             if not (other.nominal and other.undelayed):
                 return None
             receiving.append(other)
+            reading = reading or other.plc.reads_blocks
+            clock = other.clock
+            if clock is not None and clock.timer.at >= 0 and other.plc.is_independent:
+                independent.append(clock)
             if other is port:
                 continue
             if not isinstance(engine, Slave) or not engine.in_step(master):
@@ -103,20 +112,8 @@ class BlockPath:
         numbers = range(1, master.config.settings.slaves + 1)
         if len(by_station) < len(slaves) or not by_station.keys() >= set(numbers):
             return None
-        return _Stations(port, master, [by_station[number] for number in numbers], slaves, receiving)
-
-    def _independent(self, stations: _Stations) -> list[EndClock]:
-        """The clocks of PLCs whose ENDs may be carried out when their blocks are asked for.
-
-        None where others read the blocks, or the records of a trace are to come in order.
-        """
-        if self._bus.sink.traced or any(other.plc.reads_blocks for other in stations.receiving):
-            return []
-        return [
-            other.clock
-            for other in stations.receiving
-            if other.clock is not None and other.clock.timer.at >= 0 and other.plc.is_independent
-        ]
+        polled = [by_station[number] for number in numbers]
+        return _Stations(port, master, polled, slaves, receiving, reading, independent)
 
     def _same_until(self, stations: _Stations, now: int) -> Iterator[int]:
         """Until when each station's block is the one that all have received last; now: it is another."""
@@ -182,7 +179,7 @@ class BlockPath:
     # -- what remains ------------------------------------------------------------------------------
 
     def _pass(self, stations: _Stations, scans: OrdinaryScans, now: int) -> None:
-        port, master, polled, slaves, _ = stations
+        port, master, polled, slaves, *_ = stations
         bus, number = self._bus, scans.number
         bus.frames += number * (1 + 2 * scans.slaves)
         bus.busy += number * (scans.data + scans.slaves * (scans.poll + scans.data))
@@ -202,7 +199,7 @@ class BlockPath:
 
     def _record(self, stations: _Stations, scans: OrdinaryScans, now: int) -> None:
         """Keep the blocks that some END may still ask for, and tell what has happened."""
-        port, master, polled, _, receiving = stations
+        port, master, polled, _, receiving, *_ = stations
         bus, reporter = self._bus, self._bus.reporter
         missed = [other.position for other in bus.ports if other not in receiving]
         # The first scan begins: the one before is over.
@@ -255,7 +252,7 @@ class BlockPath:
 
     def _trace(self, stations: _Stations, scans: OrdinaryScans, frame: Frame, missed: Sequence[int]) -> None:
         """Record every frame and attempt, and keep every block, in the order in which they come."""
-        port, master, polled, _, _ = stations
+        port, master, polled, *_ = stations
         for index in range(scans.number):
             start, counter = int(scans.starts[index]), scans.counter + index & 15
             if index:
