@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
-import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache
-from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from bussim.report import charts, compare, tables
+from bussim.report.document import document
 from bussim.report.latency import LatencyPart, latency_part, overlays
 from bussim.report.nodes import node_tables, response_charts
 from bussim.report.parts import Chart, Charts
@@ -27,11 +23,7 @@ from bussim.results.plots.style import RUNS
 from bussim.results.verdict.catalogue import in_ms
 from bussim.results.verdict.verdict import about as about_bus
 from bussim.units import seconds
-from bussim.version import __version__
 from bussim.wording import about, counted, shell_word
-
-if TYPE_CHECKING:
-    from jinja2 import Environment
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,27 +97,19 @@ def report_page(sources: Sequence[Source], command: Sequence[str] = ()) -> str:
             ],
             "changes": compare.scenario_changes(sources),
         }
-    script = _text("vendor/uPlot.iife.min.js"), _text("assets/page.js")
     title = (
         f"{sources[0].record.scenario}: simulation report"
         if len(sources) == 1
         else f"{len(sources)} runs compared: simulation report"
     )
-    return (
-        _environment()
-        .get_template("page.html.jinja")
-        .render(
-            title=title,
-            runs=runs,
-            comparison=comparison,
-            css=[_text("vendor/uPlot.min.css"), _text("assets/page.css")],
-            scripts=script,
-            hashes=[_hash(text) for text in script],
-            licence=_text("vendor/LICENSE.uPlot.txt"),
-            payload=_payload({"charts": drawn.payload, "runs": RUNS}),
-            version=__version__,
-            command=" ".join(command),
-        )
+    return document(
+        "page.html.jinja",
+        "page.js",
+        {"charts": drawn.payload, "runs": RUNS},
+        title=title,
+        runs=runs,
+        comparison=comparison,
+        command=" ".join(command),
     )
 
 
@@ -314,31 +298,3 @@ def labels_of(names: Sequence[str], sources: Iterable[Any]) -> list[str]:
     if len(set(names)) == len(names):
         return list(names)
     return run_labels(list(sources))
-
-
-@cache
-def _environment() -> Environment:
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    return Environment(
-        loader=PackageLoader("bussim.report", "assets"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-
-
-def _text(name: str) -> str:
-    return files("bussim.report").joinpath(name).read_text(encoding="utf-8")
-
-
-def _hash(script: str) -> str:
-    digest = hashlib.sha256(script.encode("utf-8")).digest()
-    return f"sha256-{base64.b64encode(digest).decode('ascii')}"
-
-
-def _payload(data: dict[str, Any]) -> str:
-    """JSON that no browser takes for markup, whatever a scenario calls its stations."""
-    text = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
-    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")

@@ -12,6 +12,7 @@ from bussim.commands.common.output import (
     busy,
     check_pictures,
     checked_target,
+    print_files,
     show_carried,
     to_json,
     write_text,
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
     from bussim.exact.sizing.size import Sizing
     from bussim.scenario.model import Scenario
 
+#: What a page's name may end in, and the languages that it is in.
+PAGES, LANGUAGES = (".html", ".htm"), ("en", "zh")
 _FORMS = (
     "errors<=1/y, onsets<=1/y, scan<=200ms@1e-6, dead<=400ms, ride>=100ms, heartbeat=500ms@0.1/y; "
     "of poll lists errors, dead, cycle<=500ms, age<=1s"
@@ -44,8 +47,20 @@ _FORMS = (
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 @click.option("--verify", "check", is_flag=True, help="Simulate the choice, one retry less and none.")
 @set_option
-@click.option("-o", "--out", metavar="DIR", help="Folder for size.json and the picture of the trade-off.")
+@click.option(
+    "-o",
+    "--out",
+    metavar="PATH",
+    help="Folder for size.json and the picture of the trade-off; or a file .html: a page with sliders.",
+)
 @click.option("--force", is_flag=True, help="Replace the files of --out.")
+@click.option("--lang", type=click.Choice(LANGUAGES), help="Language in which the page opens. [default: en]")
+@click.option(
+    "--standard-lines",
+    "standard",
+    is_flag=True,
+    help="Without SCENARIO: the page of links of 2 to 8 stations in modes 0 to 4.",
+)
 @code_option
 def command(
     scenario: str | None,
@@ -61,6 +76,8 @@ def command(
     overrides: tuple[str, ...],
     out: str | None,
     force: bool,
+    lang: str | None,
+    standard: bool,
     allow_code: bool,
 ) -> None:
     """Search all retries (D8179) and timeouts (D8180) of each link and recommend one setting.
@@ -69,16 +86,43 @@ def command(
 
     SCENARIO is a file or the name of a built-in scenario. Its faults are left out: a setting is for
     the line in operation. Without a file, --stations and --mode describe a link of equal stations:
-    bussim size --stations 4 --mode 2. Where no noise is given, three levels of it are assumed and
-    shown. The exit code is 1 if no setting meets the goals, or if a simulation disagrees with the law.
+    bussim size --stations 4 --mode 2. -o sizing.html writes a page to hand over, whose sliders
+    show every setting in English and Chinese, without Python. Where no noise is given, three levels of
+    it are assumed and shown. The exit code is 1 if no setting meets the goals, or if a simulation
+    disagrees with the law.
     """
     from bussim.exact.sizing.sized import size
 
     if force and out is None:
         raise UsageError("--force goes with --out")
+    page = out is not None and Path(out).suffix.lower() in PAGES and not Path(out).is_dir()
+    if not page and (lang is not None or standard):
+        name = "--standard-lines" if standard else "--lang"
+        raise UsageError(f"{name} is of the page with sliders: name it with --out, such as -o sizing.html")
+    target = checked_target(Path(out), PAGES, force=force) if page and out is not None else None
     _check_goals(goals)
     described = {"--stations": stations, "--mode": mode, "--scan": scan, "--ber": ber, "--profile": profile}
     given = [name for name, value in described.items() if value is not None]
+    if standard and target is not None:
+        refused = {
+            "SCENARIO": scenario,
+            "--stations": stations,
+            "--mode": mode,
+            "--json": as_json,
+            "--verify": check,
+        }
+        wrong = next((name for name, value in refused.items() if value not in (None, False)), None)
+        if wrong:
+            raise UsageError(f"{wrong} and --standard-lines exclude each other")
+        from bussim.commands.size.standard import standard_page
+
+        with busy("sizing the usual lines"):
+            text = standard_page(
+                goals, lang or "en", profile=profile, scan=scan, ber=ber, overrides=overrides
+            )
+        write_text(target, text)
+        print_files([target], as_json=False)
+        return
     if scenario is not None:
         from bussim import api
 
@@ -106,7 +150,8 @@ def command(
     show_carried(loaded, err=as_json)
     sized = size(loaded, goals)
     found, ports = sized.links, sized.ports
-    if out is not None:
+    folder, stems = None, {}
+    if out is not None and target is None:
         from bussim.results.store.safe_names import file_names
 
         folder = made_folder(Path(out))
@@ -143,7 +188,14 @@ def command(
             from bussim.commands.size.ports import show_port_sizing
 
             show_port_sizing(console, node, port, verified.get(node, []))
-    if out is not None:
+    if target is not None:
+        from bussim.commands.size.page import page_items
+        from bussim.report.sizing import sizing_page
+
+        with busy("working out the page"):
+            write_text(target, sizing_page(loaded.name if scenario else "", page_items(sized), lang or "en"))
+        click.echo(target, err=as_json)
+    elif folder is not None:
         for path in _write(loaded, found, text, folder, stems):
             click.echo(path, err=as_json)
     failed = [bus for bus, sizing in found.items() if sizing.recommended is None]

@@ -1,0 +1,289 @@
+"use strict";
+(() => {
+  const { payload, css, node, axis, decades, plain, Chart, again, isPrinting, start } = charts;
+  const { items, dims } = payload;
+  const state = { lang: payload.lang, place: dims.map(() => 0), retries: 0, timeout: 0, noise: 0 };
+  const get = (id) => document.getElementById(id);
+  let item = items[0];
+
+  // ---- words ----
+  const word = (key, values = {}) => payload.words[state.lang][key].replace(/\{(\w+)\}/g, (_, name) => values[name] ?? "");
+  const kind = (key) => `${item.kind}.${key}`;
+  const whole = (value) => (value >= 1e9 ? value.toExponential(0) : value.toLocaleString("en", { maximumSignificantDigits: 6 }));
+  const time = (value) => (value === null ? "–" : `${value.toLocaleString("en", { maximumFractionDigits: 1 })} ms`);
+  const rate = (value) => (value === null ? "–" : value < 1e-3 ? word("never") : whole(value));
+  const shown = (name, value) => (name === "errors" ? rate(value) : time(value));
+  // What the solver wrote in English alone stays English, and says so to a screen reader.
+  const solver = (text) => {
+    const own = payload.sentences[text];
+    return state.lang === "zh" && own ? { text: own } : { text, lang: "en" };
+  };
+
+  // ---- figures: looked up, never reckoned ----
+  const pick = (list, index) => list[list.length === 1 ? 0 : index];
+  const cell = (table, { noise = state.noise, retries = state.retries, timeout = state.timeout } = {}) =>
+    pick(pick(pick(table, noise), retries), timeout);
+  const figure = (name, at) => cell(item.figures[name], at);
+  const setting = (retries = state.retries, timeout = state.timeout) => word(kind("is"), {
+    retries: item.retries[retries], units: item.units[timeout], timeout: time(item.timeouts[timeout]) });
+  const noiseName = ({ name, value } = item.noises[state.noise]) =>
+    word(name === "times" && value === 1 ? "noise.entered" : `noise.${name}`, { value: value.toLocaleString("en") });
+  const rows = () => item.retries.map((_, row) => row).filter((row) => item.attempts.indexOf(item.attempts[row]) === row);
+
+  const TILES = {
+    link: ["mean", "longest", "dead", "detect", "errors", "ride"],
+    port: ["mean", "dead", "dead_longest", "two_dead", "errors", "age"],
+  };
+  const STRIP = { link: ["mean", "dead", "errors"], port: ["mean", "dead_longest", "errors"] };
+  const COLUMNS = { link: ["errors", "dead", "ride"], port: ["errors", "dead", "dead_longest"] };
+  const shownTile = (name) => (name === "ride" ? `${figure(name).toLocaleString("en")} ms` : shown(name, figure(name)));
+
+  const tile = (list, name) => {
+    const part = node("div"), term = node("dt", {}, word(kind(name))), value = node("dd", { "data-figure": name }, shownTile(name));
+    if (name === "detect") value.append(node("small", { "data-figure": "detect_longest" }, word("at_worst", { time: time(figure("detect_longest")) })));
+    if (name === "errors") value.append(node("small", {}, word("a_year")));
+    part.append(term, value);
+    list.append(part);
+  };
+
+  const verdict = () => {
+    const missing = cell(item.missed), said = get("verdict"), best = item.recommended[state.noise];
+    const misses = item.goals.filter((_, bit) => (missing >> bit) & 1).map(({ form }) => form);
+    const here = best !== null && best[0] === state.retries && best[1] === state.timeout;
+    const parts = [word(misses.length ? "misses" : "meets", { setting: setting(), goals: (misses.length ? misses : item.goals.map(({ form }) => form)).join(word("comma")) })];
+    if (best === null) parts.push(word("none"));
+    else parts.push(here ? word("best") : word("other", { setting: setting(...best) }));
+    const values = Object.fromEntries(Object.keys(item.figures).map((name) => [name, shown(name, figure(name))]));
+    if (item.kind === "link") parts.push(word("link.cost", values));
+    else if (item.costly) parts.push(word("port.cost", { ...values, device: item.costly[0], polls: item.costly[1],
+      attempts: item.attempts[state.retries], timeout: time(item.timeouts[state.timeout]) }));
+    said.textContent = parts.join(word("space"));
+    said.className = misses.length ? "misses" : "";
+    get("use").disabled = best === null || here;
+  };
+
+  const program = () => {
+    const values = { retries: item.retries[state.retries], units: item.units[state.timeout] };
+    const fill = (text) => text.replace(/\{(\w+)\}/g, (_, name) => values[name]);
+    const lines = item.program.map((line, number) => `${fill(line)}  ; ${word(kind(`mov${number}`), {
+      ...values, attempts: item.attempts[state.retries], timeout: time(item.timeouts[state.timeout]) })}`);
+    get("program").textContent = lines.join("\n") || word("no_program");
+    for (const id of ["pymodbus", "pymodbus-said"]) get(id).hidden = !item.pymodbus;
+    if (item.pymodbus) get("pymodbus").textContent = fill(item.pymodbus[state.timeout]);
+  };
+
+  const table = () => {
+    const columns = COLUMNS[item.kind], head = node("tr");
+    for (const key of ["retries", ...columns]) head.append(node("th", { scope: "col" }, word(key === "retries" ? key : kind(key === "errors" ? "trade.y" : key))));
+    document.querySelector("#table thead").replaceChildren(head);
+    document.querySelector("#table tbody").replaceChildren(...rows().map((row) => {
+      const line = node("tr", item.attempts[row] === item.attempts[state.retries] ? { class: "now" } : {});
+      line.append(node("th", { scope: "row" }, String(item.retries[row])));
+      for (const name of columns) line.append(node("td", {}, shown(name, figure(name, { retries: row }))));
+      return line;
+    }));
+    const reason = solver(item.reason ?? "");
+    get("reason").textContent = figure("errors") === null ? `–: ${reason.text}` : "";
+    get("reason").lang = reason.lang ?? document.documentElement.lang;
+  };
+
+  const list = (id, entries) => get(id).replaceChildren(...entries.map(({ text, lang }) => node("li", lang ? { lang } : {}, text)));
+  const assumptions = () => {
+    get("assumptions-part").hidden = !item.assumptions?.length;
+    list("assumptions", (item.assumptions ?? []).map((each) => {
+      const [name, other] = each.text.map((text) => solver(text).text);
+      return { text: word("assumption", { name, other, errors: rate(Number(each.errors.replaceAll(",", ""))), dead: time(each.dead), ride: time(each.ride),
+        setting: each.stays ? word("stays") : each.setting ? word("instead", { setting: word("link.is", { retries: each.setting[0], units: each.setting[1] }) }) : word("none") }) };
+    }));
+    const notes = [...(item.polls ?? []).map(([name, device, least, most]) => ({ text: word("response", { name, device, least: time(least), most: time(most) }) })),
+      ...item.unmet.map((goals) => ({ text: word(goals.length > 1 ? "conflict" : "unmet", { goals: goals.join(word("comma")) }) })),
+      ...item.remedies.map((text) => { const own = solver(text); return { ...own, text: word("remedy", own) }; }),
+      ...item.notes.map(solver)];
+    get("notes-part").hidden = !notes.length;
+    list("notes", notes);
+  };
+
+  // ---- charts ----
+  const CHART_HEIGHT = 270, PRINTED_HEIGHT = 215, FLOOR = 1e-9;
+  const height = () => (isPrinting() ? PRINTED_HEIGHT : CHART_HEIGHT);
+  class Curve extends Chart {
+    content() { // [how many are certain, then probabilities up to the last one above 0]
+      const [certain, ...rest] = cell(item.over);
+      const known = [...Array(certain + 1).fill(1), ...rest];
+      return [item.x, item.x.map((_, index) => known[index] ?? (index === known.length ? FLOOR / 10 : null))];
+    }
+    draw() {
+      if (!item.over) return;
+      this.data.description = word("curve.text", { setting: setting() });
+      this.whole = [0, item.x[item.x.length - 1]];
+      super.draw();
+    }
+    options() {
+      const splits = [1e-9, 1e-6, 1e-3, 1];
+      return {
+        height: height(), padding: [12, 26, 0, 0],
+        cursor: { drag: { x: false, y: false } },
+        scales: { x: { time: false, range: () => this.whole }, y: { distr: 3, log: 10, range: () => [FLOOR, 1.6] } },
+        axes: [axis(word("curve.x"), { values: plain }), axis(word("curve.y"), { size: 62, values: decades, splits: () => splits, filter: (u, all) => all })],
+        series: [{}, { stroke: css("--law"), width: 2, points: { show: false }, paths: uPlot.paths.stepped({ align: 1 }) }],
+      };
+    }
+    describe(u, left) {
+      const x = u.posToVal(left, "x"), index = item.x.findLastIndex((at) => at <= x);
+      const p = index < 0 ? 1 : u.data[1][index] ?? 0;
+      return word("curve.point", { time: time(item.x[Math.max(0, index)]), p: p < FLOOR ? word("practically") : whole(p) });
+    }
+  }
+  class TradeOff extends Chart {
+    dots() {
+      return rows().map((row) => [figure("dead", { retries: row }), figure("errors", { retries: row }), row])
+        .filter(([x, y]) => x !== null && y !== null).map(([x, y, row]) => [x, Math.max(y, FLOOR), row]);
+    }
+    draw() {
+      this.data.description = word("trade.text", { setting: setting() });
+      const most = Math.max(1, ...this.dots().map(([x]) => x)) * 1.08, step = 10 ** Math.floor(Math.log10(most));
+      this.whole = [0, [1, 1.5, 2, 3, 4, 5, 6, 8, 10].map((times) => times * step).find((at) => at >= most)];
+      super.draw();
+      this.u.over.addEventListener("click", (event) => {
+        const near = this.near(this.u, event.offsetX, event.offsetY);
+        if (near) choose("retries", near[2]);
+      });
+    }
+    content() { return [this.whole, [1, 1]]; }
+    options() {
+      return {
+        height: height(), padding: [12, 26, 0, 0],
+        cursor: { drag: { x: false, y: false } },
+        scales: { x: { time: false, range: () => this.whole }, y: { distr: 3, log: 10, range: () => [FLOOR, 1e9] } },
+        axes: [axis(word(kind("trade.x")), { values: plain }),
+          axis(word(kind("trade.y")), { size: 76, values: decades, splits: () => [1e-9, 1e-6, 1e-3, 1, 1e3, 1e6, 1e9], filter: (u, all) => all })],
+        series: [{}, { paths: () => null, points: { show: false } }],
+        hooks: { draw: [(u) => this.points(u)] },
+      };
+    }
+    points(u) {
+      const { ctx, bbox } = u, ratio = devicePixelRatio, best = item.recommended[state.noise];
+      ctx.save();
+      ctx.beginPath();
+      ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+      ctx.clip();
+      ctx.font = `${12 * ratio}px system-ui, sans-serif`;
+      ctx.textBaseline = "middle";
+      for (const [x, y, row] of this.dots()) {
+        const left = u.valToPos(x, "x", true), top = Math.min(u.valToPos(y, "y", true), bbox.top + bbox.height - 8 * ratio);
+        const recommended = best !== null && best[0] === row && best[1] === state.timeout;
+        ctx.fillStyle = ctx.strokeStyle = css(recommended ? "--law" : "--simulated");
+        ctx.beginPath();
+        ctx.arc(left, top, (recommended ? 7 : 5) * ratio, 0, 2 * Math.PI);
+        ctx.fill();
+        if (item.attempts[row] === item.attempts[state.retries]) {
+          ctx.lineWidth = 2.5 * ratio;
+          ctx.strokeStyle = css("--ink");
+          ctx.beginPath();
+          ctx.arc(left, top, 10 * ratio, 0, 2 * Math.PI);
+          ctx.stroke();
+        }
+        ctx.fillStyle = css("--ink");
+        ctx.fillText(String(item.retries[row]), left + 13 * ratio, top - 11 * ratio);
+      }
+      ctx.restore();
+    }
+    near(u, left, top) {
+      const away = ([x, y]) => Math.hypot(u.valToPos(x, "x") - left, Math.min(u.valToPos(y, "y"), u.over.clientHeight - 8) - top);
+      return this.dots().map((dot) => [away(dot), dot]).filter(([far]) => far < 20).sort(([a], [b]) => a - b)[0]?.[1];
+    }
+    legend() {
+      return [[css("--simulated"), word("trade.dot")], [css("--law"), word("trade.best")], [css("--ink"), word("trade.now"), "frame"]];
+    }
+    describe(u, left, top) {
+      const near = this.near(u, left, top);
+      return near ? word("trade.point", { setting: setting(near[2]), dead: time(figure("dead", { retries: near[2] })), errors: rate(figure("errors", { retries: near[2] })) }) : "";
+    }
+  }
+
+  // ---- the whole page ----
+  let pending = 0;
+  const show = () => {
+    document.documentElement.lang = state.lang === "zh" ? "zh-Hans" : "en";
+    for (const each of document.querySelectorAll("[data-word]")) each.textContent = word(each.dataset.word, payload);
+    for (const each of document.querySelectorAll("[data-lang]")) each.setAttribute("aria-pressed", String(each.dataset.lang === state.lang));
+    document.title = get("title").textContent = word(payload.title, { name: payload.name || word(kind("about"), item.about) });
+    get("about").textContent = payload.name ? `${item.name}: ${word(kind("about"), item.about)}` : "";
+    get("curve").hidden = !item.over;
+    const plainly = !item.valid;
+    for (const id of ["tiles", "strip", "details", "trade", "use", "least"]) get(id).hidden = plainly;
+    for (const key of ["retries", "timeout", "noise"]) get(`${key}-part`).hidden = plainly;
+    dims.forEach((dim, place) => { const out = get(`${dim.key}-shown`); if (out) out.textContent = dim.values[state.place[place]]; });
+    assumptions();
+    if (plainly) {
+      get("verdict").textContent = word("cannot");
+      get("verdict").className = "plain";
+      return;
+    }
+    const texts = {
+      retries: word(kind("retries"), { retries: item.retries[state.retries], attempts: item.attempts[state.retries] }),
+      timeout: word(kind("timeout"), { units: item.units[state.timeout], timeout: time(item.timeouts[state.timeout]) }),
+      noise: noiseName(),
+    };
+    for (const [key, text] of Object.entries(texts)) {
+      get(`${key}-shown`).textContent = text;
+      get(key).setAttribute("aria-valuetext", text);
+    }
+    get("least").textContent = word(kind("least"), { least: time(item.least) });
+    get("curve-said").textContent = word("curve.said");
+    get("trade-said").textContent = word(kind("trade.said"));
+    for (const [id, names] of [["tiles", TILES], ["strip", STRIP]]) {
+      get(id).replaceChildren();
+      for (const name of names[item.kind]) tile(get(id), name);
+    }
+    verdict();
+    program();
+    table();
+    cancelAnimationFrame(pending);
+    pending = requestAnimationFrame(again);
+  };
+  const choose = (key, value) => {
+    state[key] = value;
+    get(key).value = String(value);
+    show();
+  };
+  const enter = () => { // another line: its own settings
+    item = items[dims.reduce((sum, dim, place) => sum * dim.values.length + state.place[place], 0)];
+    if (!item.valid) return;
+    [state.retries, state.timeout, state.noise] = item.start;
+    for (const [key, list_] of [["retries", item.retries], ["timeout", item.timeouts], ["noise", item.noises]]) {
+      get(key).max = String(list_.length - 1);
+      get(key).value = String(state[key]);
+    }
+  };
+  dims.forEach((dim, place) => {
+    const part = node("div", { class: "slider" }), label = node("label", { for: dim.key, "data-word": dim.key });
+    const named = dim.key === "name";
+    const input = named ? node("select", { id: dim.key }) : node("input", { type: "range", id: dim.key, min: "0", max: String(dim.values.length - 1), step: "1" });
+    part.hidden = dim.values.length === 1;
+    if (named) dim.values.forEach((name, index) => input.append(node("option", { value: String(index) }, name)));
+    state.place[place] = dim.start ?? 0;
+    input.value = String(state.place[place]);
+    input.addEventListener("input", () => {
+      state.place[place] = Number(input.value);
+      input.setAttribute("aria-valuetext", String(dim.values[state.place[place]]));
+      enter();
+      show();
+    });
+    part.append(label, input);
+    if (!named) part.append(node("output", { id: `${dim.key}-shown`, for: dim.key }));
+    get("chosen").append(part);
+  });
+  for (const key of ["retries", "timeout", "noise"]) get(key).addEventListener("input", () => choose(key, Number(get(key).value)));
+  for (const each of document.querySelectorAll("[data-lang]")) each.addEventListener("click", () => { state.lang = each.dataset.lang; show(); });
+  get("use").addEventListener("click", () => {
+    [state.retries, state.timeout] = item.recommended[state.noise];
+    choose("timeout", state.timeout);
+    choose("retries", state.retries);
+  });
+  get("controls").addEventListener("submit", (event) => event.preventDefault());
+  enter();
+  show();
+  cancelAnimationFrame(pending);
+  start({ curve: Curve, trade: TradeOff });
+})();
