@@ -28,7 +28,7 @@ STANDARD = builtin.folder() / "sizing.html"
 NAMES = ("standard", "ports", "noisy", "bursts")
 #: What stays Latin on a Chinese page: names of registers, buses, stations, levels, programs and goals.
 LATIN = re.compile(
-    r"N:N with Modbus beside it|[DMK]\d+|N:N|MOV|LD|Modbus|bussim|uPlot|ms|LANG|END|STOP|PLC|CPAVL|pymodbus|ModbusSerialClient\(.*\)|retries|"
+    r"N:N with Modbus beside it|ModbusSerialClient\(.*\)|[DMK]\d+|N:N|MOV|LD|Modbus|bussim|uPlot|ms|LANG|END|STOP|PLC|CPAVL|pymodbus|retries|"
     r"JavaScript|English|absent_station|full|probe|bad|typical|errors|ride|cycle|dead|age|skip_after_failure|"
     r"modbus-rtu|COM\d|press\d|feeder\d?|oven\d?|position|running|zones|setpoint|"
     r"electrical noise|bursts?|link|x\b|1e-?\d+|\by\b"
