@@ -193,15 +193,19 @@ def _setup_of_other_layout(source: Source, found: FoundLine, settings: Settings)
     return found.likely or setup
 
 
-def read(line: OpenLine, listener: Listener | None, limit: int | None) -> int:
+def read(line: OpenLine, listener: Listener | None, limit: int | None, most_frames: int | None = None) -> int:
     """Read a recording up to a tick, to the end of its listener (None: nothing is recognised).
 
-    Returns the tick at which it ends.
+    Or until it has had about so many frames. Returns the tick at which it ends.
     """
     last = 0
+    end: int | None
     for chars, wire, lost in line.source.chunks(line.found.reading.setup):
+        if most_frames is not None and listener is not None and listener.decoder.frames >= most_frames:
+            end = last
+            break
         if limit is not None and chars and chars[-1][2] > limit:
-            end: int | None = limit
+            end = limit
             break
         last = max(last, chars[-1][2])
         if listener is not None:

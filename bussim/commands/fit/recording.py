@@ -23,7 +23,7 @@ from bussim.live.sniff.link import station_name
 from bussim.live.sniff.listener import Listener
 from bussim.live.sniff.reading import Settings
 from bussim.results.collector import Collector
-from bussim.units import TICKS_PER_MS
+from bussim.units import TICKS_PER_MS, seconds
 from bussim.wording import counted
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def fit(
         raise RunError(f"{source}: " + "\n".join(found))
     sink = Collector(bus_of={line.names.get(0, station_name(0)): line.bus})
     listener = Listener(line.bus, timing, sink, protocol, decoders=_OBSERVERS, **line.listener_options())
-    duration = read(line, listener, None)
+    duration = read(line, listener, None, _MOST_FRAMES)
     resolution, timed = line.source.resolution, line.source.times != "none"
     link, ports = _estimates(listener, duration, resolution, timed=timed)
     if link is None and ports is None:
@@ -112,7 +112,7 @@ def fit(
         link and replace(link, recording=where),
         ports and replace(ports, recording=where),
         sink.run(listener.totals(duration), scenario="measured", seed=0),
-        warnings_of(listener, line),
+        warnings_of(listener, line) | _too_long(listener, duration),
     )
 
 
@@ -141,6 +141,15 @@ def _estimates(
     return link, ports
 
 
+def _too_long(listener: Listener, duration: int) -> dict[str, str]:
+    if listener.decoder.frames < _MOST_FRAMES:
+        return {}
+    part = f"first {_MOST_FRAMES:,} frames, {seconds(duration):,.0f} s"
+    return {"too_long": f"the estimates are of its {part}: what follows is left out"}
+
+
+#: So many frames are kept at most, which takes half a gigabyte.
+_MOST_FRAMES = 2_000_000
 _OBSERVERS = (LinkObserver, BusObserver)
 _LAYOUT = (
     "without the layout there is no error rate: bussim sniff --propose FILE writes the one that is proposed, "

@@ -175,9 +175,11 @@ def _time(option: str, text: str) -> int:
     except ValueError:
         return time_of(option, text, positive=option == "-o")
     if not low <= bare <= high:
+        # Below a limit in seconds it is a short time, above it one in milliseconds.
+        meant = f"{text} s" if unit == "ms" else f"{text if bare > high else format(1000 * bare, 'g')} ms"
         raise UsageError(
             f"{option} is {text}, without a unit that is {text} {unit}, allowed {low:g}…{high:g}; "
-            f"what is meant may be written with its unit, such as {text} {'ms' if unit == 's' else 's'}"
+            f"what is meant may be written with its unit, such as {meant}"
         )
     return time_of(option, f"{text} {unit}")
 

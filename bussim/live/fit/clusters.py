@@ -30,7 +30,7 @@ LEAST_FAILURES, LEAST_BURSTS = 10, 5
 #: Windows of the dispersion index, in mean distances of what is counted.
 _WINDOW = 10
 #: So many frames at most are evaluated for the two states.
-_MOST_FRAMES = 20_000
+MOST_FRAMES = 20_000
 #: Lengths of bursts, in mean distances of frames, with which the search begins.
 _STARTS = (1.0, 5.0, 25.0)
 #: Gaps are the same if their logarithms are within so much; the step by which slopes are taken.
@@ -90,8 +90,10 @@ def bursts_of(attempts: Sequence[Attempt]) -> Bursts:
     """
     named, kind = [], attempts[-1].kind if attempts else None
     for attempt in reversed(attempts):
-        kind = kind if attempt.kind is None else attempt.kind
-        named.append(attempt._replace(kind=kind))
+        if attempt.kind is None:
+            attempt = attempt._replace(kind=kind)  # noqa: PLW2901 - the same attempt, named
+        kind = attempt.kind
+        named.append(attempt)
     attempts = named[::-1]
     count = len(attempts)
     fails = [attempt.failed for attempt in attempts]
@@ -174,7 +176,7 @@ def two_states(frames: Sequence[SeenFrame]) -> TwoStates | None:
     import numpy as np
     from scipy.optimize import minimize
 
-    frames = frames[:_MOST_FRAMES]
+    frames = frames[:MOST_FRAMES]
     damaged = sum(frame.damaged for frame in frames)
     span = frames[-1].end - frames[0].start if frames else 0
     if not damaged or damaged == len(frames):

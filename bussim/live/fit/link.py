@@ -29,8 +29,9 @@ TIMEOUT_UNIT = 10 * TICKS_PER_MS
 _REPLY = "reply"
 #: The timeout where none is known, in its units.
 _TIMEOUT = 5
-#: A master that takes no reply repeats at once if it does within so many characters more than its gap.
-_AT_ONCE = NN_LINE.characters(2)
+#: A master that takes no reply repeats at once if it does within so many characters more than its gap: the
+#: two that end a frame, and one by which a receiver ends later that took another bit for a start bit.
+_AT_ONCE = NN_LINE.characters(3)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,9 +6,10 @@ from array import array
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from math import expm1, log1p
 
-from bussim.live.fit.clusters import Attempt, Bursts, SeenFrame, bursts_of, two_states
+from bussim.live.fit.clusters import MOST_FRAMES, Attempt, Bursts, SeenFrame, bursts_of, two_states
 from bussim.live.fit.statistics import Estimate, bit_error_rate, proportion
 
 #: Senders' rates differ if they would by chance less often than this, whatever their number.
@@ -90,10 +91,10 @@ class FrameLog:
     ) -> NoiseEstimate:
         """The noise that frames and attempts (in any order) show; ``timed``: their times are known."""
         usual = {number: sizes.most_common(1)[0][0] for number, sizes in self._common.items()}
-        expected = [
-            (usual.get(kind, size) if state else size) * self._bits
-            for size, kind, state in zip(self._sizes, self._kinds, self._states, strict=True)
-        ]
+        rows = zip(self._sizes, self._kinds, self._states, strict=True)
+        expected = array(
+            "l", ((usual.get(kind, size) if state else size) * self._bits for size, kind, state in rows)
+        )
         counts: defaultdict[int, dict[int, list[int]]] = defaultdict(dict)
         for bits, sender, state in zip(expected, self._senders, self._states, strict=True):
             if state != _WITHDRAWN:
@@ -102,9 +103,9 @@ class FrameLog:
         if not timed:
             bursts = replace(bursts, dispersion=None)
         elif bursts.seen:
-            rows = zip(self._starts, self._ends, expected, self._states, strict=True)
-            seen = [SeenFrame(*row[:3], bool(row[3])) for row in rows if row[3] != _WITHDRAWN]
-            bursts = replace(bursts, states=two_states(sorted(seen)))
+            frames = zip(self._starts, self._ends, expected, self._states, strict=True)
+            seen = (SeenFrame(*row[:3], bool(row[3])) for row in frames if row[3] != _WITHDRAWN)
+            bursts = replace(bursts, states=two_states(sorted(islice(seen, MOST_FRAMES))))
         senders = {} if bursts.seen else _senders(counts)
         return NoiseEstimate(_rate(*counts.values()), senders, bursts, master_receiver)
 

@@ -175,6 +175,8 @@ def _polls(found: Sequence[Burst], frequent: Sequence[int]) -> list[bool] | None
         # A poll waits in vain for longer than for a reply, if any comes.
         longest = median_low(repeats) if repeats else replies[-1] + 1 if replies else 0
         quick = [wait for wait in replies if 4 * wait < 3 * longest]
+        if repeats and quick:  # behind the last poll of a dead station the master sends its own
+            rest, replies = rest + len(replies) - len(quick), quick
         late = not repeats or (longest > 2 * median_low(quick) if quick else polls is shortest)
         if replies and late and rest <= _MOST_OWN * len(found):
             if polls is shortest and rest * _MOST_STATIONS > len(found):

@@ -71,7 +71,11 @@ class SigrokFile(Source):
         try:
             self._zip = zipfile.ZipFile(path)
         except _ZIP_ERRORS as error:
-            raise RecordingError(f"{path}: no sigrok session: {error}") from error
+            size = path.stat().st_size
+            raise RecordingError(
+                f"{path}: no sigrok session: {error}; one that was cut off lacks the directory at the end of "
+                f"the archive: 'zip -FF {path.name} --out whole.sr' makes one of its {size:,} bytes"
+            ) from error
         try:
             self._read_metadata()
         except RecordingError:
@@ -205,7 +209,8 @@ class SigrokFile(Source):
         import numpy as np
 
         size = 1 << (self._unit - 1).bit_length()  # a number has 1, 2, 4 or 8 bytes
-        for name in self._parts():
+        parts = self._parts()
+        for name in parts:
             try:
                 with self._zip.open(name) as part:
                     rest = b""
@@ -219,7 +224,11 @@ class SigrokFile(Source):
                                 rows = np.pad(rows, ((0, 0), (0, size - self._unit)))
                             yield rows.view(f"<u{size}")[:, 0]
             except _ZIP_ERRORS as error:
-                raise RecordingError(f"{self._name}: {name} cannot be read: {error}") from error
+                if len(parts) == 1 or name != parts[-1]:
+                    raise RecordingError(f"{self._name}: {name} cannot be read: {error}") from error
+                self.facts.warnings["cut_file"] = (
+                    f"the recording is cut off in its last part, {name}: {error}"
+                )
 
     def _parts(self) -> list[str]:
         names = self._zip.namelist()

@@ -33,6 +33,7 @@ from bussim.units import TICKS_PER_SECOND
 LONGEST_LINE = 200_000
 _START = re.compile(r"#\s*time\s*:\s*start\b", re.IGNORECASE)
 _SEPARATOR = re.compile(r"[\s,;]")
+_NOT_ASCII = re.compile(rb"[\x80-\xff]+")
 #: Lines by which the form is recognised.
 _EXAMINED = 200
 _BOMS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
@@ -94,7 +95,9 @@ class TextFile(Source):
             try:
                 getincrementaldecoder(encoding)().decode(begin)
             except UnicodeDecodeError:
-                encoding = "gb18030"  # what programs write in Chinese that do not write UTF-8
+                # What programs write that do not write UTF-8: Chinese has pairs of bytes, Latin single ones.
+                runs = [len(run) % 2 for run in _NOT_ASCII.findall(begin)]
+                encoding = "cp1252" if 2 * sum(runs) >= len(runs) else "gb18030"
             return self._path.open(encoding=encoding, errors="replace")
         except OSError as error:
             raise RecordingError(f"{self._path} cannot be read: {error.strerror or error}") from error

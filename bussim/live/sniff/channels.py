@@ -25,6 +25,8 @@ _GLANCED, _CLEAR = 1500, 0.9
 _FAR_MORE = 4
 #: Two characters that are on a line at once have edges within so many bits.
 _NEARBY = 12
+#: What one of them drives has edges so many bits from the line's, also where others send at once.
+_CLOSE = 3
 #: Wrong bits that noise may make, as a share of characters.
 _FEW_WRONG = 0.05
 
@@ -41,6 +43,7 @@ class Channels:
             if channel.total >= _LEAST_EDGES
         }
         self._known: dict[tuple[str, LineTiming, bool | None], list[Timed]] = {}
+        self._readings: list[Reading] = []
 
     def best(self, settings: Settings) -> Reading:
         """The best reading: of a channel that has both directions, or of several with one each.
@@ -49,6 +52,7 @@ class Channels:
         """
         names = settings.channels or tuple(self._channels)
         readings = [found for name in names for found in self._of_channel(name, settings)]
+        self._readings = readings
         if not readings:
             rates = {name: settings.baud or self._rate_of(name) for name in names}
             for name, baud in rates.items():
@@ -73,7 +77,9 @@ class Channels:
         # two that send at once more is sound on these than on the line.
         if not said:
             lines = [
-                name for name in names if self._has_all(name, parts, self._source.rate / setup.timing.baud)
+                name
+                for name in names
+                if self._has_all(name, parts, _NEARBY * self._source.rate / setup.timing.baud)
             ]
             whole = [self._read(setup._replace(channels=(name,)), protocol)[0] for name in lines]
             whole = [
@@ -85,15 +91,26 @@ class Channels:
         several = said or together.score.responses > _FAR_MORE * alone.score.responses
         return together if several else best
 
-    def _has_all(self, name: str, parts: Sequence[str], bit: float) -> bool:
-        """Whether a channel has edges where each of several has: it is the line that they drive."""
+    def others(self, best: Reading) -> list[Reading]:
+        """The readings of channels with a line of their own, beside the one that is read."""
+        setup = best.setup
+        near = _CLOSE * self._source.rate / setup.timing.baud
+        return [
+            each
+            for each in self._readings
+            if each.score.recognised and each.setup.channels[0] not in setup.channels
+            if not any(self._has_all(name, each.setup.channels, near) for name in setup.channels)
+        ]
+
+    def _has_all(self, name: str, parts: Sequence[str], within: float) -> bool:
+        """Whether a channel has edges within so many samples of those of several: they drive it."""
         import numpy as np
 
         own = self._channels[name].edges
         for part in parts:
             edges = self._channels[part].edges
             edges = edges[edges <= own.max(initial=-1)]
-            near = np.searchsorted(own, edges + _NEARBY * bit) > np.searchsorted(own, edges - _NEARBY * bit)
+            near = np.searchsorted(own, edges + within) > np.searchsorted(own, edges - within)
             if not len(near) or near.mean() < _CLEAR:
                 return False
         return True
@@ -107,6 +124,12 @@ class Channels:
             read(merged(chars), setup._replace(channels=channels), protocol, _ALL, wires=len(chars))[0]
             for channels, chars in ((setup.channels, every[:1]), (tuple(names[1:]), every[1:]))
         ]
+
+    def enough_samples(self) -> None:
+        """Raise RecordingError if a channel's likeliest rate is beyond its samples."""
+        for name, found in self._measured.items():
+            if found is not None:
+                self._source.enough_samples(found.baud, f"channel {name}: ")
 
     def _rate_of(self, name: str) -> int | None:
         """The rate of a channel, if it is a standard one."""
@@ -195,7 +218,7 @@ class Channels:
         alike = [each for each in names if (found := self._measured[each]) and found[:3] == measured[:3]]
         if len(settings.channels) > 1:
             alike = list(settings.channels)
-        elif self._has_all(name, alike, self._source.rate / baud):
+        elif self._has_all(name, alike, _NEARBY * self._source.rate / baud):
             alike = [name]
         return likely[min(likely)]._replace(channels=tuple(alike))
 

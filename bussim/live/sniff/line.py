@@ -21,7 +21,7 @@ from bussim.live.recordings.text import TextFile
 from bussim.live.recordings.waveform import STANDARD
 from bussim.live.sniff.channels import Channels
 from bussim.live.sniff.heard import LineProtocol
-from bussim.live.sniff.reading import SHOWN_CHARS, Reading, Score, Settings, pieces_of, read
+from bussim.live.sniff.reading import SHOWN_CHARS, Reading, Score, Settings, is_tcp, pieces_of, read
 from bussim.wording import counted
 
 #: Characters by which a line is found; where they decide nothing, so many.
@@ -78,8 +78,27 @@ def find_line(source: Source, settings: Settings, tolerance: int) -> FoundLine:
             "--protocol, the wire by --channel"
         )
         described = channels.described() if channels is not None else [_begins(source, best)]
+        pieces = [piece for each in described for piece in each.get("pieces", ())]
+        if 2 * sum(map(is_tcp, pieces)) > len(pieces):
+            warnings["modbus_tcp"] = (
+                "these are bytes of Modbus TCP, with a header of seven bytes and no CRC, and of no serial "
+                "line: record the one behind the gateway"
+            )
+        try:
+            if channels is not None:
+                channels.enough_samples()
+        except RecordingError as error:
+            warnings["few_samples"] = str(error)
     elif channels is not None and not settings.baud and best.setup.timing.baud not in STANDARD:
         warnings["rate"] = f"{best.setup.timing.baud} bps is not a standard rate"
+    if channels is not None and best.score.recognised and suggested is None:
+        others = [
+            f"{name} ({each.protocol}, {timing.baud} bps {timing.format})"
+            for each in channels.others(best)
+            for (name,), timing in [(each.setup.channels, each.setup.timing)]
+        ]
+        if others:
+            warnings["other_line"] = f"another line is on channel {'; '.join(others)}: --channel reads it"
     # Polls may be sound in another layout, too: their replies are not.
     unknown = not best.score.recognised or (best.protocol is LineProtocol.NN and not best.score.responses)
     likely = channels.likeliest(settings) if channels is not None and unknown else None

@@ -186,3 +186,14 @@ def pieces_of(chars: Sequence[Timed]) -> list[str]:
             pieces[-1].append(value)
         before = end
     return [bytes(piece).hex(" ") for piece in pieces]
+
+
+def is_tcp(piece: str) -> bool:
+    """Whether a piece is of Modbus TCP: transaction, protocol 0, length and so many bytes, over and over.
+
+    Source: MODBUS Messaging on TCP/IP Implementation Guide V1.0b, section 3.1.3.
+    """
+    data, at = bytes.fromhex(piece), 0
+    while at + 8 <= len(data) and data[at + 2 : at + 4] == bytes(2):
+        at += 6 + int.from_bytes(data[at + 4 : at + 6], "big")
+    return at == len(data) or (at > len(data) == SHOWN_CHARS)

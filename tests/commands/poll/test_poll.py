@@ -301,6 +301,8 @@ def test_the_poll_list_of_a_scenario(
         (["x", "-P", "mark"], "none, even and odd"),
         (["x", "-o", "500"], "without a unit that is 500 s, allowed 0.01…10"),
         (["x", "-o", "0"], "allowed 0.01…10"),
+        (["x", "-o", "0.005"], "such as 5 ms"),
+        (["x", "-o", "500"], "such as 500 ms"),
         (["x", "-o", "0 ms"], "must be above 0"),
         (["x", "-o", "nan"], "without a unit"),
         (["x", "-l", "0.5"], "such as 0.5 s"),

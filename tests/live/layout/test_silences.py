@@ -55,8 +55,12 @@ def line(
     loss: float = 0.0,
     dead: tuple[int, ...] = (),
     alike: bool = False,
+    own: bool = False,
 ) -> tuple[list[Burst], float, dict[int, int]]:
-    """A master that sends nothing but polls of eight characters: bursts, mean cycle in ms, attempts by station."""
+    """A master with polls of eight characters: bursts, mean cycle in ms, attempts by station.
+
+    ``own``: it begins each cycle with data of its own, as long as the first station's.
+    """
     rng, now = random.Random(1), 0.1
     found, starts, attempts = [], [], Counter[int]()
 
@@ -68,6 +72,9 @@ def line(
 
     for _ in range(200):
         starts.append(now)
+        if own:
+            send(rng.randbytes(replies[0]))
+            now += 0.004
         for station, size in enumerate(replies, 1):
             for _ in range(3):
                 send(bytes([station] * 8) if alike else rng.randbytes(8))
@@ -92,11 +99,13 @@ def line(
         ((15, 25, 9), {"pause": 0.05, "dead": (2,)}),
         ((15, 25, 9), {"pause": 0.05, "dead": (3,)}),
         ((15, 25, 9), {"pause": 0.0, "alike": True}),
+        ((25, 25, 25), {"pause": 0.004, "own": True, "dead": (3,)}),
+        ((25, 25, 25), {"pause": 0.004, "own": True, "dead": (2,)}),
+        ((25, 25, 25), {"pause": 0.004, "own": True, "dead": (2, 3), "alike": True}),
+        ((25, 25, 25), {"pause": 0.004, "own": True, "dead": (1, 3)}),
     ],
 )
-def test_a_master_without_data_of_its_own_is_understood(
-    replies: tuple[int, ...], options: dict[str, object]
-) -> None:
+def test_what_a_master_polls_is_understood(replies: tuple[int, ...], options: dict[str, object]) -> None:
     found, mean, attempts = line(replies, **options)  # type: ignore[arg-type]
     polled = polling(found, CHARACTER)
     assert polled is not None
