@@ -180,13 +180,12 @@ def _setup_of_other_layout(source: Source, found: FoundLine, settings: Settings)
     from bussim.live.sniff.line import rate_of
 
     score, protocol, setup = found.reading.score, found.reading.protocol, found.reading.setup
+    other, fits = protocol not in (None, LineProtocol.NN), score.sound_characters >= _FITS * score.characters
     if isinstance(source, TraceFile) and source.header.seed is not None:
         return None  # a simulation has the assumed layout
-    if found.suggested is not None or (score.responses > 0 and protocol not in (None, LineProtocol.NN)):
+    if found.suggested is not None or settings.protocol not in (None, LineProtocol.NN):
         return None
-    if settings.protocol not in (None, LineProtocol.NN):
-        return None
-    if score.responses > 0 and score.sound_characters >= _FITS * score.characters:
+    if score.responses > 0 and (other or fits):
         return None
     if protocol is not LineProtocol.NN and not rate_of(source):
         setup = setup._replace(timing=settings.timing(LineProtocol.NN))

@@ -16,6 +16,7 @@ from bussim.live.fit.comparison import Behaviour
 from bussim.live.fit.link import LinkEstimate, LinkObserver
 from bussim.live.fit.modbus import BusEstimate, BusObserver
 from bussim.live.fit.noise import NoiseEstimate
+from bussim.live.fit.outages import Losses
 from bussim.live.recordings.frames import TraceFile
 from bussim.live.recordings.source import LineSetup, Progress
 from bussim.live.sniff.heard import LineProtocol
@@ -59,6 +60,12 @@ class Fitted:
         return self._either.behaviour
 
     @property
+    def losses(self) -> list[Losses]:
+        """What became of the requests to each station."""
+        found = self._either
+        return [each.losses for each in (found.stations if isinstance(found, LinkEstimate) else found.slaves)]
+
+    @property
     def _either(self) -> LinkEstimate | BusEstimate:
         found = self.link or self.ports
         assert found is not None  # noqa: S101 - narrows the type
@@ -97,6 +104,10 @@ def fit(
             f"{source}: no exchange was recognised in {counted(listener.characters, 'character')} at "
             f"{timing.baud} bps {timing.format}; {_HOW}"
         )
+    warnings = warnings_of(listener, line)
+    if listener.decoder.frames >= _MOST_FRAMES:
+        part = f"first {_MOST_FRAMES:,} frames, {seconds(duration):,.0f} s"
+        warnings["too_long"] = f"the estimates are of its {part}: what follows is left out"
     where = Path(source).resolve().name[:150]
     if isinstance(line.source, TraceFile) and line.source.header.seed is not None:
         where += " (a simulation)"
@@ -112,7 +123,7 @@ def fit(
         link and replace(link, recording=where),
         ports and replace(ports, recording=where),
         sink.run(listener.totals(duration), scenario="measured", seed=0),
-        warnings_of(listener, line) | _too_long(listener, duration),
+        warnings,
     )
 
 
@@ -139,13 +150,6 @@ def _estimates(
     link = decoder.estimate(resolution) if isinstance(decoder, LinkObserver) else None
     ports = decoder.estimate(resolution, duration, timed=timed) if isinstance(decoder, BusObserver) else None
     return link, ports
-
-
-def _too_long(listener: Listener, duration: int) -> dict[str, str]:
-    if listener.decoder.frames < _MOST_FRAMES:
-        return {}
-    part = f"first {_MOST_FRAMES:,} frames, {seconds(duration):,.0f} s"
-    return {"too_long": f"the estimates are of its {part}: what follows is left out"}
 
 
 #: So many frames are kept at most, which takes half a gigabyte.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -35,17 +36,12 @@ class Compared:
 
 def compared(fitted: Fitted, simulated: Behaviour) -> Compared:
     """How far the two are from each other."""
-    measured = fitted.behaviour
-    what = "scan" if fitted.link is not None else "exchange"
-    comparison = compare(measured, simulated, fitted.resolution)
-    return Compared(_histogram(measured), _histogram(simulated), comparison, what)
-
-
-def _histogram(behaviour: Behaviour) -> Histogram:
-    histogram = Histogram()
-    for time in behaviour.times:
-        histogram.add(time)
-    return histogram
+    histograms = Histogram(), Histogram()
+    for histogram, behaviour in zip(histograms, (fitted.behaviour, simulated), strict=True):
+        for time in behaviour.times:
+            histogram.add(time)
+    comparison = compare(fitted.behaviour, simulated, fitted.resolution)
+    return Compared(*histograms, comparison, "scan" if fitted.link is not None else "exchange")
 
 
 def to_json(fitted: Fitted, simulated: Compared | None, warnings: Mapping[str, str]) -> dict[str, Any]:
@@ -143,9 +139,7 @@ def _losses(found: Losses) -> dict[str, Any]:
 
 
 def _noise(found: NoiseEstimate) -> dict[str, Any]:
-    bursts, master, states = found.bursts, found.master_receiver, found.bursts.states
-    good, bad = (states.good, states.bad) if states is not None else (None, None)
-    bers = (states.ber_good, states.ber_bad) if states is not None else (None, None)
+    bursts, master = found.bursts, found.master_receiver
     return {
         "ber": _interval(found.ber),
         "ber_of_senders": {str(sender): _interval(rate) for sender, rate in found.senders.items()},
@@ -155,20 +149,13 @@ def _noise(found: NoiseEstimate) -> dict[str, Any]:
             "unheard": _interval(master.unheard),
             "ber": _interval(master.ber),
         },
-        "burst": {
-            "seen": bursts.seen,
-            "attempts": bursts.attempts,
-            "failures": bursts.failures,
-            "p_fail": bursts.p_fail,
-            "p_fail_after_fail": bursts.p_fail_after_fail,
-            "runs_p": bursts.runs_p,
-            "dispersion": bursts.dispersion,
-            "good_ms": _interval(good, _ms),
-            "bad_ms": _interval(bad, _ms),
-            "ber_good": _interval(bers[0]),
-            "ber_bad": _interval(bers[1]),
-        },
+        "burst": {key: getattr(bursts, key) for key in _OF_BURSTS}
+        | {f"{key}_ms": _interval(getattr(bursts.states, key, None), _ms) for key in ("good", "bad")}
+        | {key: _interval(getattr(bursts.states, key, None)) for key in ("ber_good", "ber_bad")},
     }
+
+
+_OF_BURSTS = ("seen", "attempts", "failures", "p_fail", "p_fail_after_fail", "runs_p", "dispersion")
 
 
 def _settings(link: LinkEstimate) -> tuple[int, int, int, int]:
@@ -180,21 +167,13 @@ def _ms(ticks: float | None) -> float | None:
     return None if ticks is None else round(milliseconds(ticks), 6)
 
 
-def _same(value: float | None) -> float | None:
-    return value
-
-
 def _interval(
-    found: Estimate | None, unit: Callable[[float | None], float | None] = _same
+    found: Estimate | None, unit: Callable[[float | None], float | None] = lambda value: value
 ) -> dict[str, float | None] | None:
     if found is None:
         return None
-    return {
-        "value": unit(found.value),
-        "low": unit(found.low),
-        "high": unit(found.high),
-        "count": found.count,
-    }
+    ends = {key: unit(getattr(found, key)) for key in ("value", "low", "high")}
+    return ends | {"count": found.count}
 
 
 def _distribution(distribution: TurnaroundDistribution | None) -> dict[str, Any] | None:
@@ -239,19 +218,14 @@ def show(fitted: Fitted, simulated: Compared | None, warnings: Mapping[str, str]
 def _rows(fitted: Fitted) -> list[tuple[str, str, str, str]]:
     rows: list[tuple[str, str, str, str]] = []
 
-    def time(name: str, found: Estimate | None) -> None:
+    def add(form: Callable[[float], str], unit: str, most: str, name: str, found: Estimate | None) -> None:
         if found is not None:
-            span = "–"
-            if found.low is not None and found.high is not None:
-                span = f"{milliseconds(found.low):.4f} … {milliseconds(found.high):.4f}"
-            rows.append((f"  {name}", f"{milliseconds(found.value):.4f} ms", span, f"{found.count:,}"))
+            low = "0" if found.low is None else form(found.low)
+            high = most if found.high is None else form(found.high)
+            rows.append((f"  {name}", form(found.value) + unit, f"{low} … {high}", f"{found.count:,}"))
 
-    def rate(name: str, found: Estimate | None) -> None:
-        if found is not None:
-            low = "0" if found.low is None else f"{found.low:.3g}"
-            high = "1" if found.high is None else f"{found.high:.3g}"
-            rows.append((f"  {name}", f"{found.value:.3g}", f"{low} … {high}", f"{found.count:,}"))
-
+    time = partial(add, lambda ticks: f"{milliseconds(ticks):.4f}", " ms", "–")
+    rate = partial(add, "{:.3g}".format, "", "1")
     link, ports = fitted.link, fitted.ports
     if link is not None:
         time("master gap", link.master_gap)
@@ -309,10 +283,7 @@ def _add_distribution(
 
 def _outages(fitted: Fitted) -> list[str]:
     lines = []
-    link, ports = fitted.link, fitted.ports
-    found = [*(each.losses for each in (link.stations if link is not None else ()))]
-    found += [each.losses for each in (ports.slaves if ports is not None else ())]
-    for outage in (outage for losses in found for outage in losses.outages):
+    for outage in (outage for losses in fitted.losses for outage in losses.outages):
         name = fitted.names.get(outage.station) or f"station {outage.station}"
         until = "the end" if outage.end is None else f"{seconds(outage.end):.3f} s"
         lines.append(f"  {name} was silent from {seconds(outage.start):.3f} s to {until}")

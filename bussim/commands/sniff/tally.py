@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 from bussim.commands.sniff.warnings import warnings_of
 from bussim.line.characters import LineTiming
 from bussim.live.layout.judge import Misfit
+from bussim.live.recordings.source import Facts
 from bussim.live.sniff.heard import LineProtocol
 from bussim.live.sniff.link import OUTCOMES, LinkDecoder
 from bussim.live.sniff.listener import Listener
-from bussim.live.sniff.modbus import NO_ATTEMPT, ModbusDecoder
+from bussim.live.sniff.modbus import NO_ATTEMPT
 from bussim.results.collector import Collector, Rows
 from bussim.results.meters.histogram import QUANTILES, Histogram
 from bussim.trace.records import AttemptRecord, Record, ScanRecord, TransactionRecord
@@ -128,17 +129,10 @@ def to_json(
         "duration_s": round(seconds(duration), 6),
         "characters": 0 if listener is None else listener.characters,
     }
-    for key in COUNTS:
-        found[key] = 0 if decoder is None else getattr(decoder, key)
-    facts = None if line is None else line.source.facts
+    facts = Facts() if line is None else line.source.facts
+    found |= {key: getattr(decoder, key, 0) for key in COUNTS}
+    found |= {key: getattr(facts, key) for key in ("unreadable_lines", "unreadable", "time_steps", "spikes")}
     found |= {
-        "scans_unmeasured": decoder.scans_unmeasured if isinstance(decoder, LinkDecoder) else 0,
-        "late": decoder.late if isinstance(decoder, ModbusDecoder) else 0,
-        "wrong_seen": decoder.wrong_seen if isinstance(decoder, ModbusDecoder) else 0,
-        "unreadable_lines": 0 if facts is None else facts.unreadable_lines,
-        "unreadable": [] if facts is None else facts.unreadable,
-        "time_steps": 0 if facts is None else facts.time_steps,
-        "spikes": 0 if facts is None else facts.spikes,
         "bus_load": round(decoder.busy / duration, 6) if decoder is not None and duration else 0.0,
         "outcomes": {} if decoder is None else {k: n for k, n in sorted(decoder.outcomes.items()) if n},
         "exchanges": {name: tally.asked[name].to_json() for name in sorted(tally.asked, key=_in_order)},
@@ -206,10 +200,10 @@ def _layout(misfit: Misfit) -> dict[str, Any]:
 PROPOSED = "Layout of N:N frames, proposed by bussim sniff: read the recording by it, and another one."
 
 
-#: Counts that every decoder has, by their keys.
+#: Counts of decoders by their keys: of all, of a link's, of a Modbus bus's.
 COUNTS = (
     *("frames", "damaged", "unasked", "strays", "stray_characters", "echoes", "recorder_damage"),
-    *("parity_errors", "stop_errors"),
+    *("parity_errors", "stop_errors", "scans_unmeasured", "late", "wrong_seen"),
 )
 
 

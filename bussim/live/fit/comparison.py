@@ -158,11 +158,10 @@ def _blocks_beyond(behaviour: Behaviour, limit: float) -> tuple[int, int]:
 def _beyond(name: str, measured: Behaviour, simulated: Behaviour, limit: int, grain: float) -> Figure:
     """The shares of times beyond a limit; that of a simulation may be taken anywhere within the grain."""
     counted = _blocks_beyond(measured, limit)
-    p = max(_shares(name, [counted, _blocks_beyond(simulated, limit + by)], 1.0).p for by in (-grain, grain))
+    low, high = both = [_blocks_beyond(simulated, limit + by) for by in (grain, -grain)]
+    within = low[0] * counted[1] <= counted[0] * low[1] and counted[0] * high[1] <= high[0] * counted[1]
+    p = 1.0 if within else max(_shares(name, [counted, each], 1.0).p for each in both)
     shares = [sum(time > limit for time in each.times) / len(each.times) for each in (measured, simulated)]
-    low, high = (_blocks_beyond(simulated, limit + by) for by in (grain, -grain))
-    if low[0] * counted[1] <= counted[0] * low[1] and counted[0] * high[1] <= high[0] * counted[1]:
-        p = 1.0
     return Figure(name, shares[0], shares[1], p)
 
 

@@ -81,6 +81,13 @@ class _Slave:
     wrong: int = 0
     exceptions: Counter[int] = field(default_factory=Counter)
 
+    def estimate(self, station: int, lost: Losses, resolution: int) -> SlaveEstimate:
+        """What is known of it, from times that are exact to ``resolution`` ticks."""
+        delay = mean(self.delays).widened(resolution) if self.delays else None
+        law = distribution_of(self.delays) if self.delays else None
+        exceptions, requests = dict(sorted(self.exceptions.items())), len(self.attempts.outcomes)
+        return SlaveEstimate(station, requests, delay, law, lost, self.wrong, exceptions)
+
 
 class BusObserver(ModbusDecoder):
     """Decodes a Modbus bus, and keeps what the estimates need."""
@@ -188,8 +195,7 @@ class BusObserver(ModbusDecoder):
         self._exchanges.append(record.end - record.sent)
         if record.answer_start is not None:
             slave.delays.append(max(0, record.answer_start - record.asked))
-            if record.exception:
-                slave.exceptions[record.exception] += 1
+            slave.exceptions.update([record.exception] if record.exception else ())
 
     # -- estimating ----------------------------------------------------------------------------
 
@@ -201,6 +207,8 @@ class BusObserver(ModbusDecoder):
         if not self._turns:
             return None
         self._turns = turns = numbered(self._turns) if timed else self._turns
+        for slave in self._slaves.values() if not timed else ():
+            slave.delays = array("q")
         self._leave_out_recorder()
         found = {
             number: losses({number: slave.attempts})[number] for number, slave in sorted(self._slaves.items())
@@ -228,8 +236,7 @@ class BusObserver(ModbusDecoder):
             format=self._line.format,
             polls=polls,
             slaves=tuple(
-                _slave(number, self._slaves[number], lost, resolution, timed=timed)
-                for number, lost in found.items()
+                self._slaves[number].estimate(number, lost, resolution) for number, lost in found.items()
             ),
             interval=max(0, min(pauses)) if pauses and timed else None,
             timeout=timeout,
@@ -300,16 +307,3 @@ class BusObserver(ModbusDecoder):
             wait = self._turns[number].sent - (before.replied or before.asked)
             (damaged if wait <= at_once else unheard)[before.reply_bits] += 1
         return received(self._log.replies(), damaged, unheard)
-
-
-def _slave(number: int, slave: _Slave, lost: Losses, resolution: int, *, timed: bool) -> SlaveEstimate:
-    delays = slave.delays if timed else None
-    return SlaveEstimate(
-        number,
-        len(slave.attempts.outcomes),
-        mean(delays).widened(resolution) if delays else None,
-        distribution_of(delays) if delays else None,
-        lost,
-        slave.wrong,
-        dict(sorted(slave.exceptions.items())),
-    )

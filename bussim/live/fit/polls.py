@@ -5,7 +5,7 @@ from __future__ import annotations
 from array import array
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from operator import sub
 from statistics import mean, median_low
@@ -77,17 +77,12 @@ class Turn(NamedTuple):
     outcome: str
 
 
-@dataclass(slots=True)
-class _Poll:
-    starts: array[int] = field(default_factory=lambda: array("q"))
-
-
 def numbered(turns: list[Turn]) -> list[Turn]:
     """The turns with the attempts that they are.
 
     Where a request comes again behind failures when its next turn is due, its master repeats nothing.
     """
-    usual = {request: _every(poll) for request, poll in _polls(turns, frozenset()).items()}
+    usual = {request: _every(starts) for request, starts in _polls(turns, frozenset()).items()}
     latest: dict[Request, Turn] = {}
     again, due = Counter[Request](), Counter[Request]()
     for turn in turns:
@@ -110,11 +105,11 @@ def repeats_of(turns: list[Turn]) -> list[int] | None:
     polls = _polls(turns, frozenset())
     again = Counter(after.request for before, after in pairwise(turns) if after.request == before.request)
     limits: dict[Request, tuple[int, float]] = {}  # the usual distance, and the least
-    for request, poll in polls.items():
-        every = _every(poll)
-        if every is not None and _grid(poll):
+    for request, starts in polls.items():
+        every = _every(starts)
+        if every is not None and _grid(starts):
             limits[request] = every, every * 0.5
-        elif every is not None and len(polls) > 1 and again[request] <= _SELDOM * len(poll.starts):
+        elif every is not None and len(polls) > 1 and again[request] <= _SELDOM * len(starts):
             limits[request] = every, every * 0.75
     if not limits:
         return None
@@ -146,18 +141,19 @@ def polls_of(
     Without ``timed`` the recording has no times, and nothing is said of how often they come.
     """
     polls, attempts = _polls(turns, repeats), _attempts(turns)
-    found = [_estimate(request, poll, span, attempts) for request, poll in polls.items()]
+    found = [_estimate(request, starts, span, attempts) for request, starts in polls.items()]
     return tuple(
         each if timed else replace(each, every=None, low=None, high=None, periodic=False) for each in found
     )
 
 
-def _polls(turns: list[Turn], repeats: frozenset[int]) -> Mapping[Request, _Poll]:
-    polls: dict[Request, _Poll] = {}
+def _polls(turns: list[Turn], repeats: frozenset[int]) -> Mapping[Request, array[int]]:
+    """The starts of each request's turns."""
+    polls: dict[Request, array[int]] = {}
     for number, turn in enumerate(turns):
-        poll = polls.setdefault(turn.request, _Poll())
+        starts = polls.setdefault(turn.request, array("q"))
         if turn.attempt == 1 and number not in repeats:
-            poll.starts.append(turn.sent)
+            starts.append(turn.sent)
     return polls
 
 
@@ -174,14 +170,14 @@ def _attempts(turns: list[Turn]) -> int:
     return next(last, max(seen))
 
 
-def _every(poll: _Poll) -> int | None:
-    apart = [after - before for before, after in pairwise(poll.starts)]
+def _every(starts: array[int]) -> int | None:
+    apart = [after - before for before, after in pairwise(starts)]
     return median_low(apart) if apart else None
 
 
-def _grid(poll: _Poll) -> int | None:
+def _grid(starts: array[int]) -> int | None:
     """The period of the grid that the turns keep to: they may be late, but lateness does not add up."""
-    every, starts = _every(poll), poll.starts
+    every = _every(starts)
     if len(starts) <= _LEAST or not every:
         return None
     # The median is off where distances alternate; where turns are repeated, their mean is.
@@ -195,10 +191,10 @@ def _grid(poll: _Poll) -> int | None:
     return None
 
 
-def _estimate(request: Request, poll: _Poll, span: int, attempts: int) -> PollEstimate:
-    starts, grid = poll.starts, _grid(poll)
+def _estimate(request: Request, starts: array[int], span: int, attempts: int) -> PollEstimate:
+    grid = _grid(starts)
     apart = sorted(after - before for before, after in pairwise(starts))
-    every = max(1, grid or _every(poll) or (round(mean(apart)) if apart else span))
+    every = max(1, grid or _every(starts) or (round(mean(apart)) if apart else span))
     low = min(every, apart[len(apart) // 20]) if apart else None
     high = max(every, apart[-1 - len(apart) // 20]) if apart else None
     return PollEstimate(

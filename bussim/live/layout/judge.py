@@ -213,17 +213,12 @@ def _sound(layout: Layout, found: Sequence[Burst]) -> int:
 def _regular(polled: Polling) -> bool:
     """Whether a line is polled in order: scans without failures take about the same time."""
     understood = sum(scan.understood for scan in polled.scans)
+    usual = mode(len(scan.attempts) for scan in polled.scans)
     plain = [
-        scan.duration
-        for scan in polled.scans
-        if scan.duration is not None and len(scan.attempts) == _usual_length(polled)
+        scan.duration for scan in polled.scans if scan.duration is not None and len(scan.attempts) == usual
     ]
     replied = any(each.reply is not None for scan in polled.scans for each in scan.attempts)
     if len(plain) < _LEAST_SCANS or understood < _UNDERSTOOD * len(polled.scans) or not replied:
         return False
     low, middle, high = quantiles(plain, n=4)
     return high - low <= _SPREAD * middle
-
-
-def _usual_length(polled: Polling) -> int:
-    return mode(len(scan.attempts) for scan in polled.scans)

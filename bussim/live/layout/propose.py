@@ -77,20 +77,14 @@ def propose(polling: Polling) -> Layout | None:
         (data, {*range(at, at + station.size)}, stop),
         (polls, {*range(poll_at, poll_at + station.size)}, poll_stop),
     )
-    size = counter.size if counter else 0
-    fields = {at: ("station", station.size)} | ({counter_at: ("counter", size)} if counter else {})
-    poll_fields = {poll_at: ("station", station.size)} | (
-        {poll_counter_at: ("counter", size)} if counter else {}
-    )
+    fields, poll_fields = {at: ("station", station.size)}, {poll_at: ("station", station.size)}
+    if counter:
+        fields[counter_at] = poll_fields[poll_counter_at] = ("counter", counter.size)
     begin, end, form = _data_at(data, fields, stop)
     fields[begin] = ("data", end - begin)
     binary = form == "binary"
-    orders = {
-        "data": _order(data, fields, rule),
-        "poll": _order(polls, poll_fields, poll_rule),
-    }
     layout = Layout(
-        orders=orders,
+        orders={"data": _order(data, fields, rule), "poll": _order(polls, poll_fields, poll_rule)},
         station=station,
         counter=counter,
         sum=rule.sum,

@@ -102,14 +102,8 @@ class SigrokFile(Source):
             raise RecordingError(f"{self._name}: no sigrok session: it has no metadata") from error
         except configparser.Error as error:
             raise RecordingError(f"{self._name}: its metadata cannot be read") from error
-        section = next(
-            (
-                config[s]
-                for s in config.sections()
-                if "samplerate" in config[s] and "capturefile" in config[s]
-            ),
-            None,
-        )
+        sections = (config[name] for name in config.sections())
+        section = next((each for each in sections if {"samplerate", "capturefile"} <= each.keys()), None)
         if section is None:
             raise RecordingError(f"{self._name}: it has no logic samples with a sample rate")
         match = _RATE.fullmatch(section["samplerate"])

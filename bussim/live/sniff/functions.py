@@ -41,10 +41,8 @@ def _word(pdu: Pdu, at: int) -> int:
 
 
 _ALLOWED: Final[dict[int, Callable[[bytes], bool]]] = {
-    1: lambda pdu: 1 <= _word(pdu, 3) <= 2000,
-    2: lambda pdu: 1 <= _word(pdu, 3) <= 2000,
-    3: lambda pdu: 1 <= _word(pdu, 3) <= 125,
-    4: lambda pdu: 1 <= _word(pdu, 3) <= 125,
+    **dict.fromkeys((1, 2), lambda pdu: 1 <= _word(pdu, 3) <= 2000),
+    **dict.fromkeys((3, 4), lambda pdu: 1 <= _word(pdu, 3) <= 125),
     5: lambda pdu: _word(pdu, 3) in (COIL_OFF, COIL_ON),
     15: lambda pdu: 1 <= _word(pdu, 3) <= 1968 and pdu[5] == (_word(pdu, 3) + 7) // 8,
     16: lambda pdu: 1 <= _word(pdu, 3) <= 123 and pdu[5] == 2 * _word(pdu, 3),

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import takewhile
-from typing import Any, NamedTuple
+from typing import NamedTuple, cast
 
 from bussim.line.characters import NN_LINE, CharFormat, LineTiming
 from bussim.live.arrival import Timed
@@ -14,7 +14,7 @@ from bussim.live.recordings.source import Chunk, LineSetup
 from bussim.live.sniff.heard import Heard, LineProtocol, Verdict
 from bussim.live.sniff.listener import Listener
 from bussim.live.sniff.modbus import ModbusDecoder
-from bussim.trace.records import Outcome, Record
+from bussim.trace.records import Sink
 
 #: Rate and format where nothing gives them (Modbus over serial line, section 2.5.1).
 USUAL = {
@@ -104,32 +104,8 @@ class _Nothing:
 
     traced = False
 
-    def take(self, record: Record) -> None:
-        pass
-
-    def failed(self, bus: str, tick: int, station: int, code: int, *, garbled: bool = False) -> None:
-        pass
-
-    def ends(self, plc: str, ticks: Sequence[int]) -> None:
-        pass
-
-    def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
-        pass
-
-    def ordinary_scans(self, bus: str, number: int, starts: Any, attempts: int) -> None:
-        pass
-
-    def refreshed_often(self, bus: str, source: int, ticks: Any, heard: Sequence[int] | None) -> None:
-        pass
-
-    def switched(self, bus: str, position: int, tick: int, fresh: int | None) -> None:
-        pass
-
-    def irregular(self, bus: str, node: str, tick: int, what: str) -> None:
-        pass
-
-    def exchanged(self, bus: str, node: str, peer: str, start: int, outcome: Outcome) -> None:
-        pass
+    def __getattr__(self, _: str) -> Callable[..., None]:
+        return lambda *_, **__: None
 
 
 def read(
@@ -143,11 +119,10 @@ def read(
     wires: int = 1,
 ) -> tuple[Reading, list[Heard]]:
     """A reading of at most about ``limit`` characters, and its sound frames; else as :class:`Listener`."""
-    sink = _Nothing()
     listener = Listener(
         "line",
         setup.timing,
-        sink,
+        cast("Sink", _Nothing()),
         protocol,
         exact=exact,
         tolerance=tolerance,
