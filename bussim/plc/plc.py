@@ -101,6 +101,7 @@ class Plc:
         self._image: bytes | None = None
         self._image_until = -1
         self._taken = -1  # the END at which received blocks were taken last
+        self._stores_blocks = True  # whether ENDs that are carried out store them
         self._done = -1  # the END that was carried out last
         self._program = program
         self._inputs = dict(inputs or {})
@@ -199,7 +200,14 @@ class Plc:
             port.take_over(self.memory, self.errors, now)
         self._image, self._image_until = None, -1
         self._rests_until = -1
-        self.reads_blocks = self._rest.depends_on(self.link_registers.other_blocks())
+        blocks = self.link_registers.other_blocks()
+        self.reads_blocks = self._rest.depends_on(blocks)
+        ports = self._port_list
+        self._stores_blocks = (
+            self.reads_blocks
+            if self._rest.depends is not None
+            else self.every_end or any(port.reads_devices or any(map(port.lies_in, blocks)) for port in ports)
+        )
         first_end = self.cycle.run(now, mean, jitter, self._phase)
         halted = logic is not None and logic.halted
         if logic is not None and halted and self._rest.depends is not None:
@@ -268,8 +276,6 @@ class Plc:
 
         Scans last so much longer by their instructions.
         """
-        if not self._rest.possible:
-            return -1
         until = self._sources.next_change(end)
         if self.logic is not None:
             until = min(until, self.logic.rests_until)
@@ -393,14 +399,16 @@ class Plc:
         """
         self._done = now
         logic, port_registers, observer = self.logic, self.port_registers, self.observer
-        self.record_faults(now)
-        if self._rest.depends is None or self.reads_blocks:
+        if logic is not None and logic.faulted:
+            self.record_faults(now)
+        if self._stores_blocks:
             self._refresh(now)
         else:
             self._sources.write(self.memory, now)
-        if (self.every_end and self._rest.depends is None) or (
-            self._linked and any(port.shows_memory for port in port_registers.values())
-        ):
+        shown = self.every_end and self._rest.depends is None
+        for each in self._port_list:
+            shown = shown or (self._linked and each.shows_memory)
+        if shown:
             self.link_registers.publish()
         hints: dict[str, int] = {}
         active = 0
@@ -411,7 +419,8 @@ class Plc:
         self._image_until = -1
         if self._observes_specials and self.memory.refresh_specials is not None:
             self.memory.refresh_specials(now)
-        self.observe(now)
+        if self._observed:
+            self.observe(now)
         if observer is not None:
             observer.ended(now)
         if logic is not None:
@@ -424,7 +433,8 @@ class Plc:
             if self._rest.depends is not None and logic.halted:
                 logic.show_specials(now, self.cycle.times(now))
             self._report_inputs(now, following)
-        self._rests_until = self._rest_after(now, extra)
+        if self._rest.possible:
+            self._rests_until = self._rest_after(now, extra)
         return hints
 
     # -- what is recorded --------------------------------------------------------------------------

@@ -92,7 +92,9 @@ class RtuReader(AduReader):
 
     def reset(self) -> None:
         """Forget the open frame."""
-        super().reset()
+        self._buffer = bytearray()
+        self._length = 0
+        self._reason = None
         self._whole: Adu | None = None  # the buffer is this frame, whose check need not be computed
 
     @property

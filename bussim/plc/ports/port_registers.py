@@ -8,10 +8,11 @@ from collections.abc import Callable, Hashable, Sequence
 from bussim.engines.free.engine import FreeConfig, FreePort
 from bussim.engines.modbus.framing import Framing
 from bussim.engines.modbus.master import Master, MasterConfig
+from bussim.engines.modbus.pdu import READS
 from bussim.engines.modbus.server import RegisterMap
 from bussim.engines.modbus.slave import Slave, SlaveConfig
 from bussim.plc.errors import SerialErrors
-from bussim.plc.memory import BIT_RANGES, Device, Memory
+from bussim.plc.memory import BIT_RANGES, BlockRange, Device, Memory
 from bussim.plc.ports.cpavl import BITS, WORDS, BadSettings, PortSettings, read_settings
 from bussim.plc.ports.device_layout import words_fit
 from bussim.plc.ports.events import PortEvent
@@ -157,10 +158,23 @@ class PortRegisters:
         side = self._side
         return now if side.busy != self.active else side.wanted_end(now)
 
+    def lies_in(self, block: BlockRange) -> bool:
+        """Whether a word or bit of the port lies in a block."""
+        counts = zip(self._devices, (WORDS, BITS), strict=True)
+        return any(block.holds(Device(of, at + more)) for (of, at), count in counts for more in range(count))
+
+    @property
+    def reads_devices(self) -> bool:
+        """Whether what it sends may come from the PLC's devices."""
+        engine = self.engine
+        return engine is not None and not (
+            type(engine) is Master and all(poll.function in READS for poll in self._polls)
+        )
+
     @property
     def shows_memory(self) -> bool:
         """Whether the next END serves a request for what is in memory: special devices must be current."""
-        return isinstance(self.engine, Slave) and self.engine.waiting
+        return type(self.engine) is Slave and self.engine.waiting
 
     def at_end(self, end: int) -> int:
         """Carry out what happens at this END; returns hints for the engine (see its contract)."""

@@ -10,7 +10,8 @@ history reaches back as far as some PLC's latest END can lie behind.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
+from itertools import chain
 
 #: Histories are pruned only when they have grown past this.
 _SLACK = 16
@@ -38,17 +39,15 @@ class _Histories:
             own.extend(entry for entry in self.common if entry[0] >= since)
         return own
 
-    def entries(self, position: int) -> Iterator[Entry]:
+    def entries(self, position: int) -> Iterable[Entry]:
         """The blocks that a receiver has received, the newest first."""
         own = self.own.get(position)
         if own is not None:
-            yield from reversed(own)
-            return
-        since, earlier = self.before.get(position, (0, ()))
-        for entry in reversed(self.common):
-            if entry[0] >= since:
-                yield entry
-        yield from reversed(earlier)
+            return reversed(own)
+        if position not in self.before:
+            return reversed(self.common)
+        since, earlier = self.before[position]
+        return chain((entry for entry in reversed(self.common) if entry[0] >= since), reversed(earlier))
 
 
 class BlockHistory:

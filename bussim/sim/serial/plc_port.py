@@ -145,6 +145,7 @@ class EndClock:
     def _on_end(self, now: int) -> None:
         hints = self._plc.end(now)
         for name, port in self._ports.items():
-            port.handle(hints.get(name, 0), now)
+            if hints[name]:
+                port.handle(hints[name], now)
             port.report_events()
         self.schedule_end(now)
