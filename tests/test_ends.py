@@ -284,6 +284,37 @@ def test_a_signal_ends_a_command_in_order(
     assert {path.name for path in tmp_path.iterdir()} <= {"o.incomplete"}
 
 
+@posix
+@pytest.mark.slow
+@pytest.mark.parametrize("wait", [tenths / 10 for tenths in range(8)])
+def test_an_interrupt_by_the_terminal_reaches_workers_as_well(wait: float, tmp_path: Path) -> None:
+    """Ctrl-C goes to every process of the foreground; those that are starting would print tracebacks."""
+    words = [
+        "sweep",
+        "press_line",
+        "--duration",
+        "100h",
+        "--vary",
+        "seed=1,2,3",
+        "--workers",
+        "2",
+        "--out",
+        "o",
+    ]
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        process = program(*words, cwd=tmp_path, start_new_session=True)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    while process.poll() is None and not (tmp_path / "o.incomplete").exists():
+        time.sleep(0.01)
+    time.sleep(wait)
+    os.killpg(process.pid, signal.SIGINT)
+    out, error = process.communicate()
+    assert (process.returncode, out, error.strip().count("\n")) == (130, "", 0), error
+    assert error.strip().startswith("stopped: ")
+
+
 LOST_IN_A_CALLBACK = """
 import os, sys
 import bussim.cli
@@ -330,6 +361,7 @@ def test_a_signal_waits_until_workers_are_started() -> None:
         with _signals_later():
             os.kill(os.getpid(), signal.SIGINT)
             started.append("whole")
+            raise RunError("a worker died of the same signal")
 
     with pytest.raises(KeyboardInterrupt):
         start()

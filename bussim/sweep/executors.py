@@ -69,7 +69,10 @@ class LocalExecutor(Executor):
 
     def run(self, jobs: Sequence[Job]) -> Generator[Outcome]:
         """See :class:`Executor`."""
+        from multiprocessing import resource_tracker
+
         import joblib
+        from joblib.externals.loky.backend import resource_tracker as loky_tracker
 
         pool = joblib.Parallel(
             n_jobs=min(self._workers or joblib.cpu_count(), len(jobs)),
@@ -79,6 +82,10 @@ class LocalExecutor(Executor):
             initializer=_end_with,
             initargs=(os.getpid(),),
         )
+        # Starting a tracker of resources lets signals through again, so both are started before.
+        loky_tracker.ensure_running()
+        if sys.platform != "win32":
+            resource_tracker.ensure_running()
         outcomes: Any = None
         try:
             with _signals_later():  # one within would leave a worker half-started, and nothing to close
@@ -102,21 +109,29 @@ class LocalExecutor(Executor):
 
 @contextmanager
 def _signals_later() -> Generator[None]:
-    """While it is open, Ctrl-C and SIGTERM wait; the last one is handled at the end. Main thread only."""
+    """While it is open, Ctrl-C and SIGTERM wait; the last one is handled at the end. Main thread only.
+
+    What is started meanwhile never gets them: a terminal sends Ctrl-C to the workers as well, which the
+    sweep itself ends. (Not on Windows, where processes have no mask of signals.)
+    """
+    numbers = (signal.SIGINT, signal.SIGTERM)
     came: list[tuple[int, FrameType | None]] = []
     before: dict[int, Callable[[int, FrameType | None], Any]] = {}
     if threading.current_thread() is threading.main_thread():
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in numbers:
             if callable(handler := signal.getsignal(number)):
                 before[number] = handler
                 signal.signal(number, lambda *args: came.append(args))
+    masked = signal.pthread_sigmask(signal.SIG_BLOCK, numbers) if sys.platform != "win32" else ()
     try:
         yield
     finally:
+        if sys.platform != "win32":
+            signal.pthread_sigmask(signal.SIG_SETMASK, masked)
         for held, handler in before.items():
             signal.signal(held, handler)
-    for last, frame in came[-1:]:
-        before[last](last, frame)
+        for last, frame in came[-1:]:
+            before[last](last, frame)
 
 
 def _end_with(parent: int) -> None:
