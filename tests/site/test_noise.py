@@ -310,3 +310,18 @@ def test_lenses_stand_side_by_side(tmp_path: Path) -> None:
     paper = readout(healthy(), tmp_path)
     names = [lens.name for lens in measure(paper, SiteLink.of(paper)).lenses]
     assert names == ["M"] * 3 + ["S"] * 3 + ["L"] * 3 + ["X"] * 2
+
+
+def test_what_a_dead_station_cost_is_no_time_of_other_scans(tmp_path: Path) -> None:
+    """In 600 s 200 s of scans of 66.6 ms, then 400 s of scans with 4 silent attempts and parameters, 261 ms, each counted."""
+    data = healthy() | {"watched": "600 s"}
+    for number in (0, 1, 3):
+        seen(data, number, D8205=1532, D8213=21 if number else 1, M8185="on", D8202=262, D8201=261)
+    data["stations"][2] = {"place": "lift", "number": 2, "state": "off"}
+    least, likeliest, most = of(data, tmp_path).measured.scans
+    assert likeliest == pytest.approx(200 / 0.0666 + 1532, rel=0.01)
+    assert least == pytest.approx(most, rel=0.01)
+    data["profile"] = {"base": "pw10", "error_count": "on_edge"}
+    unknown = of(data, tmp_path).measured.scans
+    assert unknown[0] <= 600 / 0.261
+    assert unknown[2] == pytest.approx(600 / 0.0666, rel=0.01)

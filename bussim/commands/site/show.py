@@ -55,7 +55,7 @@ def show_diagnosis(console: Console, readout: Readout, found: Diagnosis) -> None
             _line(console, why, 5)
     if found.close:
         names = ", ".join(one.cause.value.replace("_", " ") for one in (found.causes[0], *found.close))
-        _line(console, f"these readings cannot tell apart: {names}")
+        _line(console, f"these readings cannot tell apart, or more than one is there: {names}")
     for text in found.next:
         _line(console, f"next: {text}")
 

@@ -178,6 +178,8 @@ class Tally:
 def separating(one: Finding, two: Finding) -> str:
     """The reading that tells two findings apart."""
     pair = frozenset((one.cause, two.cause))
+    if Cause.STATION_OFF in pair and pair not in _SEPARATES:
+        return "put the station that is off into RUN and read all again: what is left is another cause"
     if Cause.HEALTHY in pair:
         return _SEPARATES.get(pair, "let counts come: bussim site --plan says how long with which reading")
     return _SEPARATES.get(

@@ -141,7 +141,10 @@ class Witness:
             s for j in told if told[j] and (s := self.readout.at(j)) is not None and s.after is not None
         ]
         silent = [s for s in tellers if s.code(about) in (codes.NO_REPLY, codes.NOT_IN_NETWORK, None)]
-        own = named.value("D8202")
+        own, heard = named.value("D8202"), self.about_master
+        rest = [count for j, count in heard.items() if j != about]
+        if heard.get(about, 0) > START + 2 * min(rest, default=0):
+            return ""  # a receiver that misses frames measures no scan with them
         others = [s.value("D8202") or 0 for s in tellers if (s.count(about) or 0) > START]
         if own is None or not others or own >= min(others) or 2 * len(silent) <= len(tellers):
             return ""

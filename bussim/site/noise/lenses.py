@@ -89,16 +89,30 @@ def measure(readout: Readout, link: SiteLink) -> Measured:
     for _ in range(6):
         found.lenses = [*_masters(witness, found), *_ladder(readout, found)]
         found.lenses += [lens for lens_of in listeners for lens in lens_of(witness, found)]
-        before, found.scans = found.scans, _scans(readout, found)
+        before, found.scans = found.scans, _scans(witness, found)
         if abs(before[0] - found.scans[0]) < 0.5:
             break
     found.lenses += _longest(witness, found)
     return found
 
 
-def _scans(readout: Readout, found: Measured) -> tuple[float, float, float]:
+def _away(witness: Witness, link: SiteLink) -> tuple[float, float, float]:
+    """The time that stations which are or were away have cost, at most, likeliest and at least."""
+    each = {k: (1 if link.model.absent.probes else link.n) for k in witness.numbers if witness.missing(k)}
+    ended = link.model.parameters_cost - link.slot if link.n > 1 else 0.0
+    costs = {k: tries * link.silent + ended for k, tries in each.items()}
+    always = witness.readout.watched / (link.healthy + sum(costs.values()))
+    counts = {k: None if witness.master is None else witness.master.exact(k) for k in costs}
+    if link.model.error_count.on_edge or None in counts.values():
+        most = always * sum(costs.values())
+        return most, most / 2, 0.0
+    spent = [(counts[k] or 0) * cost for k, cost in costs.items()]
+    return sum(spent), sum(spent), sum(spent)
+
+
+def _scans(witness: Witness, found: Measured) -> tuple[float, float, float]:
     """Scans by what failed attempts cost: with the most failures, all silent, to the fewest, all torn."""
-    link, slaves = found.link, found.link.settings.slaves
+    link, slaves, away = found.link, found.link.settings.slaves, _away(witness, found.link)
     ladder, share = found.of("E", None), found.of("T", None)
     if ladder is not None:
         failures = [-log(max(1e-9, 1 - q)) for q in (ladder.high, ladder.value, ladder.low)]
@@ -115,7 +129,8 @@ def _scans(readout: Readout, found: Measured) -> tuple[float, float, float]:
         each * (part * link.silent + (1 - part) * link.torn)
         for each, part in zip(failures, silent, strict=True)
     ]
-    least, middle, most = (readout.watched / (link.healthy + cost) for cost in costs)
+    watched = [max(0.01 * witness.readout.watched, witness.readout.watched - spent) for spent in away]
+    least, middle, most = (time / (link.healthy + cost) for time, cost in zip(watched, costs, strict=True))
     return least, middle, most
 
 
@@ -179,7 +194,8 @@ def _missed(witness: Witness, found: Measured) -> Iterable[Lens]:
                 total, seen, all_ = total + 1, seen + max(0, count - min(others)), all_ + count
         if not total:
             continue
-        value, low, _ = (rate / total for rate in _rates(found, seen))
+        # Stations are read one after the other, so that counts differ a little.
+        value, low, _ = (rate / total for rate in _rates(found, seen, fewer=START))
         rates = value, low, _rates(found, all_)[2] / total
         value, low, high = _inverted(lambda ber: link.damaged(ber, link.data_bits), rates, _WORST)
         reading = f"{seen} missed by {station.place} alone"
