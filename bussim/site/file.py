@@ -346,9 +346,12 @@ class _Reader:
     def _check_experiment(self, one: Experiment, at: At) -> None:
         """Report what an experiment of its name cannot have."""
         slaves = self.form.settings.slaves
-        least, most = (1, max(1, slaves - 1)) if one.name in ("one", "one_slow") else (slaves, slaves)
-        if not least <= one.slaves <= most and one.name != "master_slow":
-            self.report.error((*at, "slaves"), f"is {one.slaves}, allowed {least}..{most} in {one.name}")
+        polled = (
+            {1} if one.name in ("one", "one_slow") else {1, slaves} if one.name == "master_slow" else {slaves}
+        )
+        if one.slaves not in polled:
+            allowed = " and ".join(map(str, sorted(polled)))
+            self.report.error((*at, "slaves"), f"is {one.slaves}, allowed {allowed} in {one.name}")
         if not all(one.reading.looks):
             self.report.error((*at, "D8201"), "is 0, which is no scan: look again while the link works")
         slow = one.name in ("one_slow", "master_slow")

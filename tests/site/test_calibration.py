@@ -189,7 +189,7 @@ def test_a_short_last_cut_does_not_tell_how_errors_are_counted(tmp_path: Path) -
     ("experiment", "change", "text"),
     [
         ("all", {"D8201": 0}, "D8201 is 0, which is no scan"),
-        ("one", {"slaves": 3}, "slaves is 3, allowed 1..2 in one"),
+        ("one", {"slaves": 3}, "slaves is 3, allowed 1 in one"),
         ("off_3_100", {"cut": {"number": 6}}, "cut.number is 6, allowed 1..3 in off_3_100"),
         (
             "all",
