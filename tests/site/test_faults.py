@@ -219,3 +219,16 @@ def test_causes_two_points_apart_are_not_told_apart(tmp_path: Path) -> None:
     told = found(data, tmp_path)
     assert [one.score for one in told.causes] == [4, 2.5, 2]
     assert len(told.close) == 2
+
+
+def test_counts_that_were_not_read_are_no_zeros(tmp_path: Path) -> None:
+    """Scans of normal length make it likely that nothing is wrong; that nothing is counted nobody has seen."""
+    data = healthy()
+    for station in data["stations"]:
+        station["after"] = {"D8201": 67, "D8202": 67, "M8191": "on"}
+    told = found(data, tmp_path).causes
+    assert told[0].cause.value == "healthy"
+    assert "counted" not in " ".join(told[0].evidence)
+    data["settings"]["retries"] = 0
+    damaged(data, 300, 300, 300)
+    assert "noise_sender" not in {one.cause.value for one in found(data, tmp_path).causes[:1]}

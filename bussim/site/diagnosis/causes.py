@@ -165,7 +165,8 @@ class Tally:
             Finding(cause, station, sum(points for points, _ in given), tuple(why for _, why in given))
             for (cause, station), given in self.points.items()
         ]
-        found.sort(key=lambda one: (-one.score, one.cause, -1 if one.station is None else one.station))
+        # Of two that are as likely "healthy" comes last: who reads registers has a reason.
+        found.sort(key=lambda one: (-one.score, [*Cause].index(one.cause), one.station or 0))
         best: dict[Cause, Finding] = {}
         for one in found:
             first = best.setdefault(one.cause, one) if one.score > 0 else None

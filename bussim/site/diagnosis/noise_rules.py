@@ -93,7 +93,8 @@ def _bursts(w: Witness, tally: Tally, count: float) -> None:
         w.scans(b) * link.station_errors(link.attempt(SteadyNoise(b))[0].failed) * len(w.numbers)
         for b in (least, ber)
     )
-    alike = w.master is not None and not tally.score(Cause.NOISE_RECEIVERS)
+    counted = w.master is not None and all(w.master.exact(k) is not None for k in w.numbers)
+    alike = counted and not tally.score(Cause.NOISE_RECEIVERS)
     if alike and float(gammaincc(seen + 1, fewest)) < _UNLIKELY / 100:  # P(that many or fewer)
         why = f"{seen} station errors that all saw; noise for all alike would give {fewest:.2g} at least"
         tally.add(Cause.NOISE_SENDER, 0, base + 1.5, f"the master's frames alone are damaged: {why}")
@@ -177,7 +178,10 @@ def _healthy(w: Witness, tally: Tally, most: int) -> None:
     gone = any(w.deaf(s) or s.halted for s in w.readout.stations)
     if w.flagged or gone or most > START or (w.master is None and not w.listeners):
         return
-    if all(w.by_master(k) <= START for k in w.numbers):
+    tellers = (*w.listeners, *((w.master,) if w.master else ()))
+    if all(s.count(k) is None for s in tellers for k in w.numbers):
+        pass  # not read is not 0
+    elif all(w.by_master(k) <= START for k in w.numbers):
         tally.add(Cause.HEALTHY, None, 3, f"no station is counted more than {START} times, and no flag is on")
     elif any(s.climbs(k) for s in w.readout.stations for k in (0, *w.numbers)):
         tally.add(Cause.HEALTHY, None, -2, "there are counts that climb")

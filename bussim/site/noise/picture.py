@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from math import log
 from typing import Any
 
@@ -27,10 +27,6 @@ class Fails:
     low: float
     high: float
     lens: str
-
-    def to_json(self) -> dict[str, Any]:
-        """The estimate as plain data."""
-        return {"value": self.value, "low": self.low, "high": self.high, "lens": self.lens}
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,18 +56,16 @@ class Picture:
 
     def to_json(self) -> dict[str, Any]:
         """The picture as plain data."""
-        lenses = [
-            {"name": x.name, "station": x.station, "reading": x.reading, "tells": x.tells, "value": x.value}
-            | {"low": x.low, "high": x.high, "rests_on": x.rests_on}
-            for x in self.measured.lenses
-        ]
         return {
             "scans": dict(zip(("least", "likeliest", "most"), self.measured.scans, strict=True)),
-            "stations": {str(k): {"attempt_fails": fails.to_json()} for k, fails in self.fails.items()},
+            "stations": {str(k): {"attempt_fails": asdict(fails)} for k, fails in self.fails.items()},
             "bursts": self.bursts,
             "noise": self.entries(),
             "noise_upper_limits": self.upper.entries(self.link.names),
-            "lenses": lenses,
+            "lenses": [
+                {key: value for key, value in asdict(lens).items() if key != "count"}
+                for lens in self.measured.lenses
+            ],
             "unexplained": list(self.unexplained),
             "not_known": list(self.unknown),
         }
@@ -80,64 +74,52 @@ class Picture:
 def picture(readout: Readout, link: SiteLink) -> Picture:
     """Read all lenses of a readout together."""
     found = measure(readout, link)
-    wire = min(
-        (_wire(found, lens) for lens in found.named("S")), key=lambda one: one[2], default=(0.0, 0.0, 0.0)
+    wires = (_wire(found, lens) for lens in found.named("S"))
+    wire = min(wires, key=lambda one: one[2], default=(0.0, 0.0, 0.0))
+    own = {int(lens.station or 0): lens for lens in found.named("L") if lens.count}
+    value, low, high = (
+        SteadyNoise(ber, {j: getattr(lens, key) for j, lens in own.items()})
+        for ber, key in zip(wire, ("value", "low", "high"), strict=True)
     )
-    own = {int(lens.station or 0): lens for lens in found.named("L")}
-    value = SteadyNoise(wire[0], {j: lens.value for j, lens in own.items() if lens.count})
-    least = link.attempt(SteadyNoise(wire[1], {j: lens.low for j, lens in own.items() if lens.count}))
-    middle = link.attempt(value)
-    most = link.attempt(SteadyNoise(wire[2], {j: lens.high for j, lens in own.items() if lens.count}))
-    numbers = range(1, link.settings.slaves + 1)
-    bursts = _bursts(readout, found)
-    failing = [each.failed for each in least]
+    # By the damage that slaves count, of each station.
+    middle, least, most = ([each.failed for each in link.attempt(noise)] for noise in (value, low, high))
+    numbers, bursts = range(1, link.settings.slaves + 1), _bursts(readout, found)
     if bursts != "not seen":
-        failing = [min(each, _least_in_bursts(found)) for each in failing]
-    ends = [(each.failed, two.failed) for each, two in zip(middle, most, strict=True)]
-    fails = {k: _fails(found, k, failing, ends[k - 1], bursts) for k in numbers}
+        least = [min(each, _least_in_bursts(found)) for each in least]
+    fails = {k: _fails(found, k, least, (middle[k - 1], most[k - 1]), bursts) for k in numbers}
     unexplained = []
     senders, lost = {}, {}
     for k in numbers:
         lens = found.of("M", k)
-        if lens is None or not lens.count or lens.low <= most[k - 1].failed:
+        if lens is None or not lens.count or lens.low <= most[k - 1]:
             continue
-        excess = 1 - (1 - lens.value) / (1 - middle[k - 1].failed)
+        excess = 1 - (1 - lens.value) / (1 - middle[k - 1])
         if _silent(readout, found, k):
             lost[k] = excess
         else:
             senders[k] = 1 - (1 - excess) ** (1 / link.data_bits)
-        chance = _at_least(lens.count, found.scans[2] * link.station_errors(most[k - 1].failed))
+        chance = _at_least(lens.count, found.scans[2] * link.station_errors(most[k - 1]))
         by = f"a chance of {chance:.1g}" if chance > 1e-99 else "no chance"
         kind = "lost or missing" if k in lost else "damaged where slaves do not tell"
         unexplained.append(f"{lens.reading} has {by} by the damage that slaves count; replies are {kind}")
-    beyond = _ladder_beyond(found, [each.failed for each in most])
+    beyond = _ladder_beyond(found, most)
     unexplained += beyond
     if beyond and (ladder := found.of("E", None)) and (share := found.of("T", None)):
         # No station tells where: the same at each station that the master's counts leave.
         rest = [k for k in numbers if k not in lost and k not in senders] or [*numbers]
-        known = sum(-log(1 - each.failed) for each in middle) + sum(lost.values())
+        known = sum(-log(1 - each) for each in middle) + sum(lost.values())
         more = max(0.0, -log(1 - ladder.value) - known) / len(rest)
         if share.low > _silent_of_damage(link):
             lost |= {k: lost.get(k, 0.0) + more for k in rest}
     noise = SteadyNoise(value.wire, value.receivers, senders, lost)
-    left = {k: 1 - (1 - each.high) / (1 - most[k - 1].failed) for k, each in fails.items()}
+    left = {k: 1 - (1 - each.high) / (1 - most[k - 1]) for k, each in fails.items()}
     by_noise = link.attempt(noise)
     for k, each in fails.items():
         if bursts != "seen" and not (each.lens == "M" and each.low > 0):
             fails[k] = replace(each, value=min(max(by_noise[k - 1].failed, each.low), each.high))
-    limits = {j: lens.high for j, lens in own.items() if lens.count}
-    upper = SteadyNoise(
-        wire[2], limits, {}, {k: min(0.99, share) for k, share in left.items() if share > 1e-9}
-    )
-    return Picture(
-        found,
-        fails,
-        bursts,
-        noise,
-        upper,
-        tuple(unexplained),
-        tuple(_unknown(readout, found, bursts, lost_anywhere=bool(beyond and lost))),
-    )
+    upper = replace(high, lost={k: min(0.99, share) for k, share in left.items() if share > 1e-9})
+    unknown = _unknown(readout, found, bursts, lost_anywhere=bool(beyond and lost))
+    return Picture(found, fails, bursts, noise, upper, tuple(unexplained), tuple(unknown))
 
 
 def _wire(found: Measured, lens: Lens) -> tuple[float, float, float]:
@@ -242,42 +224,32 @@ def _ladder_beyond(found: Measured, most: list[float]) -> list[str]:
 
 def _unknown(readout: Readout, found: Measured, bursts: str, *, lost_anywhere: bool) -> list[str]:
     """What these readings cannot tell, each with the reading that would."""
-    link, master = found.link, readout.at(0)
-    witness, texts = Witness(readout, link), []
-    if witness.stopped:
-        texts.append("how many scans there were: the master does not work now, and since when was not read")
-    texts += [
-        f"what fails at {readout.label(k)} while it works: it is or was away, which its counts tell, too"
-        for k in witness.numbers
-        if witness.missing(k)
-    ]
-    if not link.fits:
-        texts.append(
-            f"limits by D8202: scans of {link.shown} were seen, by profile and settings they take "
-            f"{link.units(link.lawful):.0f}; these are not this machine's, or replies wait less for END"
-        )
-    if not found.named("S"):
-        texts.append(
-            "lost or damaged, and where: there is no count of a slave that works (D8203 tells of the wire, "
-            "others of receivers)"
-        )
-    if master is None or not master.read:
-        texts.append("which station fails: the master was not read; its D8204 on tell that")
-    if link.n > 1 and readout.ladder is None and not any(lens.count for lens in found.named("M")):
-        texts.append(
-            f"failed attempts that retries hide (n = {link.n}): the ladder counts them (--plan: how long)"
-        )
-    if bursts == "cannot tell":
-        texts.append("bursts: only the ladder's third threshold tells them from steady noise")
-    if bursts == "seen":
-        texts.append("how long bursts last: shares are known, lengths are not; bussim sniff measures them")
-    if readout.ladder is not None and master is not None and (master.plc_scan or 0) >= link.healthy:
-        texts.append(
-            "all failing scans: the master's PLC scan is longer than the link's, so the ladder misses some"
-        )
-    if not any(station.before for station in readout.stations):
-        texts.append("what the start left: up to 2 counts of a station and the longest scans may be of it")
-    if lost_anywhere:
-        texts.append("which station leaves polls without a reply: the same share is entered at each")
-    texts.append("noise in the master's receiver and of a slave's driver apart: slaves do not tell them")
-    return texts
+    link, master, ladder = found.link, readout.at(0), found.of("E", None)
+    witness = Witness(readout, link)
+    hidden = link.n > 1 and readout.ladder is None and not any(lens.count for lens in found.named("M"))
+    share = f" ({ladder.low:.2g} to {ladder.high:.2g} of the scans)" if ladder is not None else ""
+    law = f"{link.units(link.lawful):.0f} by profile and settings: of another machine, or replies wait less"
+    texts = {
+        "how many scans there were: the master does not work now, since when is not known": witness.stopped,
+        **{
+            f"what fails at {readout.label(k)} while it works: it is or was away, and counted for that": True
+            for k in witness.numbers
+            if witness.missing(k)
+        },
+        f"limits by D8202: scans of {link.shown} were seen, {law}": not link.fits,
+        "lost or damaged, and where: there is no count of a slave that works (D8203 tells of the wire, "
+        "others of receivers)": not found.named("S"),
+        "which station fails: the master was not read; its D8204 on tell that": witness.master is None,
+        f"failed attempts that retries hide (n = {link.n}): the ladder counts them (see --plan)": hidden,
+        "bursts: only the ladder's third threshold tells them from steady noise": bursts == "cannot tell",
+        f"burst: shares are known{share}, lengths are not; bussim sniff measures them": bursts == "seen",
+        "all failing scans: the master's PLC scan is longer than the link's, so the ladder misses some": (
+            ladder is not None and master is not None and (master.plc_scan or 0) >= link.healthy
+        ),
+        "what the start left: up to 2 counts of a station and the longest scans may be of it": (
+            not any(station.before for station in readout.stations)
+        ),
+        "which station leaves polls without a reply: the same share is entered at each": lost_anywhere,
+        "noise in the master's receiver and of a slave's driver apart: slaves do not tell them": True,
+    }
+    return [text for text, holds in texts.items() if holds]
