@@ -133,8 +133,8 @@ class Plc:
 
     @property
     def is_independent(self) -> bool:
-        """Whether nothing but time decides what its ENDs do, the supply and the mode switch apart."""
-        return self._rest.possible and not self.reads_blocks
+        """Whether no received block changes what it does."""
+        return self.received is None or not (self._stores_blocks or self._rest.writes_blocks)
 
     def scan_under_link(self) -> tuple[int, int]:
         """Mean and jitter of the scan while N:N runs, in ticks."""

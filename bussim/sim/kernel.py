@@ -110,7 +110,7 @@ class Timer:
             at = timer.at
             if at >= 0:
                 # At SimPy's next tick the queue decides the order, by priority.
-                if queue and at >= queue[0][0]:
+                if (queue and at >= queue[0][0]) or at >= kernel._limit:  # noqa: SLF001 - its own
                     timer.unchain()
                     return
                 kernel.now = at
@@ -126,7 +126,7 @@ class Kernel:
     a chained timer is carried out without going through the queue (:meth:`Timer.chain`).
     """
 
-    __slots__ = ("_stop", "chained", "env", "now", "order", "queue")
+    __slots__ = ("_limit", "_stop", "chained", "env", "made", "now", "order", "queue")
 
     def __init__(self) -> None:
         self.env = simpy.Environment(initial_time=0)
@@ -134,11 +134,17 @@ class Kernel:
         self.queue, self.order = self.env._queue, self.env._eid  # noqa: SLF001 - see Timer
         self.now = 0
         self.chained: Timer | None = None
+        self._limit = NEVER  # chained timers from here on go into the queue
+        #: Where not None: takes the timers that are made.
+        self.made: list[Timer] | None = None
         self._stop = Timer(self, lambda _: None, _STOP)
 
     def timer(self, action: Callable[[int], None], priority: EventPriority) -> Timer:
         """A timer that calls ``action(tick)``."""
-        return Timer(self, action, priority)
+        timer = Timer(self, action, priority)
+        if self.made is not None:
+            self.made.append(timer)
+        return timer
 
     def at(self, tick: int, action: Callable[[int], None], priority: EventPriority) -> None:
         """Call ``action(tick)`` once."""
@@ -158,6 +164,13 @@ class Kernel:
         while queue and queue[0][0] != queue[0][3]._value.at:  # noqa: SLF001
             heappop(queue)
         return queue[0][0] if queue else NEVER  # type: ignore[return-value] # ticks are whole
+
+    def pass_events(self, tick: int, priority: int) -> None:
+        """Within an action: do what happens before a tick, or at it with a more urgent priority."""
+        self._limit, queue, end = tick, self.queue, (tick, priority)
+        while queue and queue[0][:2] < end:
+            self.env.step()
+        self._limit = NEVER
 
     def run(self, until: int, watch: Callable[[int], None] | None = None) -> None:
         """Do everything before the tick ``until``; ``watch`` is called with the tick now and then."""

@@ -19,7 +19,8 @@ from bussim.scenario import model
 from bussim.sim import totals
 from bussim.sim.end_recorder import EndRecorder
 from bussim.sim.faults import FaultPlan
-from bussim.sim.kernel import Kernel
+from bussim.sim.independent import parts
+from bussim.sim.kernel import Kernel, Timer
 from bussim.sim.nn.bus import LinkBus
 from bussim.sim.nn.link_port import LinkPort
 from bussim.sim.nn.reporter import LinkReporter
@@ -95,6 +96,8 @@ class Simulation:
         }
         self.links: dict[str, LinkBus] = {}
         self.serial_buses: dict[str, SerialBus] = {}
+        # By serial bus: the PLCs on it, and its timers.
+        self._bus_timers: list[tuple[list[str], list[Timer]]] = []
         self.nodes: dict[str, Node] = {}
         self.serial_reporter = SerialReporter(sink)
         # The lines of a bus of the scenario: one, unless some of its nodes are on external lines.
@@ -188,6 +191,7 @@ class Simulation:
             line = outer or spec.name
             bus = self._outside.serial_bus(line, spec.timing, kernel, self._sink, reporter)
             nodes: list[SerialNode] = []
+            kernel.made = []
             for name in members:
                 if name in ports:
                     plc, port = ports[name]
@@ -195,6 +199,8 @@ class Simulation:
                 else:
                     nodes.append(DeviceNode(devices[name], bus, len(nodes), kernel, reporter, self._streams))
             bus.connect(nodes)
+            self._bus_timers.append(([ports[name][0] for name in members if name in ports], kernel.made))
+            kernel.made = None
             self.serial_buses[line] = bus
             self._lines[spec.name].append(bus)
             self.nodes.update((node.name, node) for node in nodes)
@@ -206,18 +212,22 @@ class Simulation:
         self._ends = EndRecorder(others, self.kernel, self._sink)
         programs = {spec.name: spec.program for spec in self._scenario.plcs}
         self._probes: list[PlcProbe] = []
+        clocks: dict[str, tuple[Plc, Timer | None]] = {}
         for name, plc in self.plcs.items():
             link = self.nodes.get(name)
             ports = [node for node in self.nodes.values() if isinstance(node, PlcPort) and node.plc is plc]
             clock = EndClock(plc, self.kernel, ports, len(units)) if plc.has_ends else None
             if self.may_rest and name not in timed:
                 plc.may_rest()
-            if isinstance(link, LinkPort):
-                link.clock = clock
+            clocks[name] = plc, clock.timer if clock is not None else None
             self._probes.append(PlcProbe(plc, programs[name], self._sink, ends=name in timed))
             units[name] = PlcUnit(
                 plc, link if isinstance(link, LinkPort) else None, ports, clock, self._ends.record
             )
+        # In order come the records of a trace, and the ENDs that are recorded as they happen.
+        if self.may_rest and type(self._outside) is Lines and not self._sink.traced and not timed:
+            for bus in self.links.values():
+                bus.parts = parts(clocks, self._bus_timers)
         for device in self._scenario.devices:
             node = self.nodes[device.name]
             if isinstance(node, DeviceNode):

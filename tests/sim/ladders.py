@@ -10,6 +10,7 @@ from bussim.plc.profiles import PROFILES
 from bussim.plc.program.program import Program
 from bussim.plc.sources import Counter
 from bussim.scenario import model
+from bussim.scenario.loader import loads
 from tests.sim import chance
 from tests.sim.build import MS, link
 
@@ -144,3 +145,50 @@ def scenario(seed: int, seconds: float = 0.7) -> model.Scenario:
             changes["phase"] = 0
         plcs.append(replace(spec, **changes))
     return replace(made, plcs=tuple(plcs))
+
+
+def with_ports(seed: int) -> model.Scenario:
+    """A link of three stations, most with a Modbus port on a bus of its own or of two PLCs, some with a program."""
+    rng = Random(seed)
+    shared = rng.random() < 0.3
+    buses = ["bus0"] if shared else ["bus0", "bus1", "bus2"]
+    lines = ["schema: 1", "name: ports", "duration: 3 s", f"seed: {seed}"]
+    lines.append(f"buses: [{{name: link, nn: true}}, {', '.join(f'{{name: {bus}}}' for bus in buses)}]")
+    lines.append("plcs:")
+    used = set()
+    for station in range(3):
+        master = ", slaves: 2, mode: 2, retries: 1, timeout: 50 ms" if not station else ""
+        lines += [
+            f"  - name: p{station}",
+            "    profile: pw10",
+            f"    scan: {{mean: 7 ms, jitter: {rng.choice([0, 2])} ms}}",
+            f"    nn: {{bus: link, port: COM4, station: {station}{master}}}",
+        ]
+        bus, kind = buses[station % len(buses)], rng.random()
+        if kind < 0.6 and bus not in used:
+            used.add(bus)
+            lines.append(f"    ports: {{COM3: {{bus: {bus}, protocol: modbus-rtu-master}}}}")
+            lines.append("    polls:")
+            for slave in (1, 2):
+                every = rng.choice([40, 90, 200])
+                word = rng.choice([400, 32 * station + 1, 32 * station, 32 * ((station + 1) % 3)])
+                reads = rng.random() < 0.8
+                what = f"function: {3 if reads else 16}, address: 0, count: 2, {'to' if reads else 'from'}: D{word}"
+                lines.append(f"      - {{port: COM3, station: {slave}, {what}, every: {every} ms}}")
+        elif kind < 0.85:
+            lines += ["    program: |", "      LD X0", f"      OUT M{1000 + 64 * station}", "      END"]
+            lines.append("    inputs: {X0: {square: 150 ms}}")
+        elif not shared:
+            lines.append(f"    ports: {{COM3: {{bus: {bus}, protocol: modbus-rtu-slave, station: 5}}}}")
+        if rng.random() < 0.3:
+            lines.append(f"    sources: {{D{32 * station + 4}: {{counter: 300 ms}}}}")
+    lines.append("devices:")
+    for bus in buses:
+        lines += [f"  - {{name: {bus}drive, model: stepper, bus: {bus}, station: 1}}"]
+        if rng.random() < 0.8:
+            lines += [f"  - {{name: {bus}meter, model: v80, bus: {bus}, station: 2}}"]
+    if rng.random() < 0.7:
+        lines.append("noise:")
+        lines.append(f"  - {{bus: link, reply_loss: {rng.choice(['0.001', '0.05'])}}}")
+        lines.append(f"  - {{bus: bus0, ber: {rng.choice(['1.0e-5', '1.0e-3'])}}}")
+    return loads("\n".join(lines))

@@ -51,6 +51,11 @@ def test_random_programs(seed: int) -> None:
     compare(ladders.scenario(seed), traced=seed % 3 == 0)
 
 
+@pytest.mark.parametrize("seed", quick(12, range(300)))
+def test_random_ports(seed: int) -> None:
+    compare(ladders.with_ports(seed), traced=seed % 4 == 0)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", builtin.names())
 def test_built_in(name: str, tmp_path: Path) -> None:

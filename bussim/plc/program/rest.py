@@ -133,12 +133,14 @@ class Rest:
     def __init__(self, depends: Dependence | None, observed: Collection[Device]) -> None:
         self.depends = depends
         self._observed = observed
-        #: Whether any may be since RUN.
+        #: Whether any may be since RUN; where not, whether scans write into other stations' blocks.
         self.possible = depends is not None
+        self.writes_blocks = False
 
     def depends_on(self, blocks: Sequence[BlockRange]) -> bool:
         """RUN: whether ENDs depend on what comes into these blocks. What is written there does not stay."""
         if (depends := self.depends) is None:
             return False
-        self.possible = not any(depends.touches(block, writes=True) for block in blocks)
+        self.writes_blocks = any(depends.touches(block, writes=True) for block in blocks)
+        self.possible = not self.writes_blocks
         return any(depends.touches(block) or any(map(block.holds, self._observed)) for block in blocks)

@@ -10,8 +10,7 @@ the last byte with and without, which a test compares.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from heapq import heapify, heapreplace
+from collections.abc import Iterator, Sequence
 from itertools import zip_longest
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -20,9 +19,8 @@ from bussim.engines.nn.frames import DATA, KIND_NAMES, POLL, POLL_CHARS, data_ch
 from bussim.engines.nn.master import Master
 from bussim.engines.nn.ordinary import OrdinaryScans, ordinary_scans
 from bussim.engines.nn.slave import Slave
-from bussim.sim.kernel import NEVER, Kernel
+from bussim.sim.kernel import SENDING, Kernel
 from bussim.sim.nn.contract import LinkStation
-from bussim.sim.serial.plc_port import EndClock
 from bussim.sim.wire.contract import Transmission
 from bussim.sim.wire.disturber import FramesAhead
 
@@ -44,9 +42,7 @@ class _Stations(NamedTuple):
     polled: list[LinkStation]
     slaves: list[Slave]
     receiving: list[LinkStation]
-    #: Whether blocks may change what some PLC's ENDs do; the clocks of those on which time alone decides.
-    reading: bool
-    independent: list[EndClock]
+    reading: bool  # whether blocks may change what some PLC's ENDs do
 
 
 class BlockPath:
@@ -67,18 +63,14 @@ class BlockPath:
         if stations is None:
             return False
         bus.unwatch()
-        # Where others read the blocks, or the records of a trace are to come in order, ENDs happen in time.
-        clocks = [] if stations.reading or bus.sink.traced else stations.independent
-        until = min(kernel.next([clock.timer for clock in clocks]), bus.disturber.calm_until(now))
+        independent = [] if stations.reading else [part for part in bus.parts if part.is_independent]
+        timers = {timer for part in independent for timer in part.timers}
+        until = min(kernel.next(timers), bus.disturber.calm_until(now))
         if stations.reading:
             until = min([until, *self._same_until(stations, now)])
         scans = self._scans(stations, now, until)
         if scans is not None:
-            for clock in clocks:
-                clock.stop()
             self._pass(stations, scans, now)
-            for clock in clocks:
-                clock.schedule_end(kernel.now)
         bus.rewatch()
         return scans is not None
 
@@ -91,7 +83,7 @@ class BlockPath:
         by_station: dict[int, LinkStation] = {}
         slaves: list[Slave] = []
         receiving: list[LinkStation] = []
-        reading, independent = False, list[EndClock]()
+        reading = False
         for other in self._bus.ports:
             engine = other.engine
             if engine is None:
@@ -100,9 +92,6 @@ class BlockPath:
                 return None
             receiving.append(other)
             reading = reading or other.plc.reads_blocks
-            clock = other.clock
-            if clock is not None and clock.timer.at >= 0 and other.plc.is_independent:
-                independent.append(clock)
             if other is port:
                 continue
             if not isinstance(engine, Slave) or not engine.in_step(master):
@@ -113,7 +102,7 @@ class BlockPath:
         if len(by_station) < len(slaves) or not by_station.keys() >= set(numbers):
             return None
         polled = [by_station[number] for number in numbers]
-        return _Stations(port, master, polled, slaves, receiving, reading, independent)
+        return _Stations(port, master, polled, slaves, receiving, reading)
 
     def _same_until(self, stations: _Stations, now: int) -> Iterator[int]:
         """Until when each station's block is the one that all have received last; now: it is another."""
@@ -215,40 +204,39 @@ class BlockPath:
         # Every END to come finds a block of a scan that was over by then: no scan of a PLC lasts longer.
         first = max(0, int(scans.starts.searchsorted(old, side="right")) - 2)
         begun = (scans.starts[:-1], *scans.replies)
-        kept: dict[LinkStation, list[int]] = {each: [] for each in receiving}
+        kept: list[list[int]] = []
         for sender, starts in zip((port, *polled), begun, strict=True):
-            if not bus.sink.traced:
-                kept[sender] = _latest(starts[first:].tolist(), old - scans.data)
+            kept.append([] if bus.sink.traced else _latest(starts[first:].tolist(), old - scans.data))
             heard = None if took is None else [each for each in took if each != sender.position]
             bus.sink.refreshed_often(bus.name, sender.position, starts + scans.data, heard)
-        images = self._images(kept, now, scans.end)
-        for station, sender in enumerate((port, *polled)):
-            for start, image in zip(kept[sender], images[sender], strict=True):
-                bus.block_history.received(station, start + scans.data, image, missed)
-            if images[sender] and sender.engine is not None:
-                sender.engine.image = images[sender][-1]
+        self._keep(stations, begun, kept, scans, missed)
 
-    def _images(
-        self, kept: Mapping[LinkStation, Sequence[int]], now: int, end: int
-    ) -> dict[LinkStation, list[bytes]]:
-        """What stations send at these ticks; independent PLCs carry out their ENDs before ``end``."""
-        images: dict[LinkStation, list[bytes]] = {port: [] for port in kept}
-        ends = [
-            (port.plc.wanted_end(now) or NEVER, port.position, port)
-            for port in kept
-            if port.clock is not None and port.clock.timer.at < 0
+    def _keep(
+        self,
+        stations: _Stations,
+        begun: Sequence[np.ndarray],
+        kept: Sequence[Sequence[int]],
+        scans: OrdinaryScans,
+        missed: Sequence[int],
+    ) -> None:
+        """Keep the blocks that are sent at these ticks; meanwhile independent parts go on."""
+        senders = (stations.port, *stations.polled)
+        asked = [
+            # What a port has written into the block shows in the frame after it.
+            starts.tolist() if self._bus.parts and sender.plc.port_registers else wanted
+            for sender, starts, wanted in zip(senders, begun, kept, strict=True)
         ]
-        heapify(ends)
-        while ends and ends[0][0] < end:
-            at, position, port = ends[0]
-            plc, made, starts = port.plc, images[port], kept[port]
-            while len(made) < len(starts) and starts[len(made)] < at:
-                made.append(plc.image_at(starts[len(made)]))
-            plc.end(at)
-            heapreplace(ends, (plc.wanted_end(at) or NEVER, position, port))
-        for port, starts in kept.items():
-            images[port] += map(port.plc.image_at, starts[len(images[port]) :])
-        return images
+        images: list[dict[int, bytes]] = [{} for _ in senders]
+        for start, station in sorted((start, at) for at, starts in enumerate(asked) for start in starts):
+            self._kernel.pass_events(start, SENDING)
+            images[station][start] = senders[station].plc.image_at(start)
+        self._kernel.pass_events(scans.end, 0)
+        for station, sender in enumerate(senders):
+            for start in kept[station]:
+                image = images[station][start]
+                self._bus.block_history.received(station, start + scans.data, image, missed)
+            if kept[station] and sender.engine is not None:
+                sender.engine.image = image
 
     def _trace(self, stations: _Stations, scans: OrdinaryScans, frame: Frame, missed: Sequence[int]) -> None:
         """Record every frame and attempt, and keep every block, in the order in which they come."""

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from bussim.engines.nn.contract import STORED
 from bussim.engines.nn.frames import DATA, KIND_NAMES, Frame
 from bussim.line.characters import LineTiming
+from bussim.sim.independent import Part
 from bussim.sim.kernel import DEADLINES, Kernel
 from bussim.sim.nn.block_history import BlockHistory
 from bussim.sim.nn.block_path import BlockPath
@@ -24,6 +25,8 @@ class LinkBus(Line):
     ports: Sequence[LinkStation]
     #: Whether ordinary link scans may be done many at once (a test compares runs with and without).
     in_blocks = True
+    #: The parts of the simulation on which no link may act; none: what happens meanwhile is to come in order.
+    parts: Sequence[Part] = ()
 
     def __init__(
         self, name: str, timing: LineTiming, kernel: Kernel, sink: Sink, reporter: LinkReporter

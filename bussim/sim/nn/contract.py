@@ -11,7 +11,6 @@ from abc import abstractmethod
 from bussim.plc.link_registers import LinkEngine
 from bussim.plc.plc import Plc
 from bussim.plc.turnaround import Turnarounds
-from bussim.sim.serial.plc_port import EndClock
 from bussim.sim.wire.node import Node
 
 
@@ -19,8 +18,6 @@ class LinkStation(Node):
     """A PLC's port on an N:N link."""
 
     plc: Plc
-    #: Of a PLC whose ENDs are events.
-    clock: EndClock | None = None
     #: None unless the PLC is in RUN with good parameters.
     engine: LinkEngine | None = None
 
