@@ -293,6 +293,7 @@ def described(found: dict[str, Any]) -> str:
         wrong = ", ".join(f"{form} {share:.0%}" for form, share in found["wrong_share"].items())
         parts.append(
             f"idles {'high' if found['idle_level'] else 'low'}, likely {found['baud']} bps, "
+            f"samples a bit: {found['samples_a_bit']:g}, "
             f"{counted(found['characters'], 'character')}, wrong bits {wrong};"
         )
     return " ".join([*parts, *(f"[{piece}]" for piece in found.get("pieces", ()))])

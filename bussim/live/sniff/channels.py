@@ -126,9 +126,9 @@ class Channels:
         ]
 
     def enough_samples(self) -> None:
-        """Raise RecordingError if a channel's likeliest rate is beyond its samples."""
+        """Raise RecordingError if the rate of a channel is beyond its samples: of one sample all is whole."""
         for name, found in self._measured.items():
-            if found is not None:
+            if found is not None and found.fits and 2 * found.baud <= self._source.rate:
                 self._source.enough_samples(found.baud, f"channel {name}: ")
 
     def _rate_of(self, name: str) -> int | None:
@@ -245,6 +245,7 @@ class Channels:
         return found | {
             "idle_level": int(not inverted),
             "baud": measured.baud,
+            "samples_a_bit": round(self._source.rate / measured.baud, 2),
             "characters": len(tried[0][2]),
             "wrong_share": {form: round(share, 4) for share, form, _ in tried[:3]},
             "pieces": pieces_of(tried[0][2]),
