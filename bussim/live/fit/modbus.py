@@ -106,6 +106,7 @@ class BusObserver(ModbusDecoder):
         self._replied: Asked | None = None  # the request that is being replied to…
         self._reply_bits = 0  # …and the bits of the reply
         self._two_characters = LineTiming(line.baud, CharFormat.parse(line.format)).characters(2)
+        self._pause = line.silence  # of the master behind a reply
         self._latest: tuple[_Slave, int] | None = None  # of the latest attempt: its slave, its number
         #: Damaged responses that were not asked for again: attempt, frame, slave, number of the attempt.
         self._unrepeated: list[tuple[int, int, _Slave, int]] = []
@@ -225,6 +226,7 @@ class BusObserver(ModbusDecoder):
             for number, (before, turn) in enumerate(pairwise(turns), 1)
             if before.replied is not None and number not in unasked
         ]
+        self._pause = max(self._line.silence, min(pauses, default=0))
         polls = polls_of(turns, unasked, span, timed=timed)
         timeout, between = self._timeout(unasked, polls) if timed else (None, None)
         noise = self._log.estimate(
@@ -274,7 +276,8 @@ class BusObserver(ModbusDecoder):
                 latest[before.request] = before.sent
             wait, (low, high) = turn.sent - before.asked, usual[turn.request]
             if number in repeats:
-                waits.append(wait)
+                if not self._at_once(before, turn):  # behind damage it does not wait
+                    waits.append(wait)
             elif before.replied is not None:
                 longest = max(longest, before.replied - before.asked)
             elif before.outcome == "no_answer":
@@ -289,6 +292,11 @@ class BusObserver(ModbusDecoder):
         between = longest, min(hidden)
         return max(sum(between) // 2, self._line.silence), between
 
+    def _at_once(self, before: Turn, turn: Turn) -> bool:
+        """Whether a request comes behind the reply to the one before as soon as others do."""
+        wait = turn.sent - (before.replied or before.asked)
+        return wait <= self._pause + self._line.slack + self._two_characters
+
     def _leave_out_recorder(self) -> None:
         """What was damaged at the recorder only enters no rate."""
         for attempt, frame, slave, number in self._unrepeated if self.repeats_after_damage else ():
@@ -301,9 +309,7 @@ class BusObserver(ModbusDecoder):
         if repeats is None:
             return MasterReceiver()
         damaged, unheard = Counter[int](), Counter[int]()
-        at_once = self._line.silence + self._line.slack + self._two_characters
         for number in repeats:
-            before = self._turns[number - 1]
-            wait = self._turns[number].sent - (before.replied or before.asked)
-            (damaged if wait <= at_once else unheard)[before.reply_bits] += 1
+            before, turn = self._turns[number - 1 : number + 1]
+            (damaged if self._at_once(before, turn) else unheard)[before.reply_bits] += 1
         return received(self._log.replies(), damaged, unheard)

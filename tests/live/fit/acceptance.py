@@ -262,6 +262,8 @@ def damage_once(seed: int) -> Iterator[Known | Asked]:
     """The scenario that is written fails as often as the recording, within three standard errors of both."""
     found = bus(seed, 40, {"ber": 3e-4}, {"station": "one", "reply_loss": 0.08})
     yield Asked("timeout and pause", found.timeout == 85 * TICKS_PER_MS)
+    unheard = found.noise.master_receiver.unheard
+    yield Asked("none unheard", unheard is not None and unheard.value == 0)
     yield Asked("retries", {poll.retries for poll in found.polls} == {2})
     data = bus_scenario(
         replace(found, recording="a line"),
