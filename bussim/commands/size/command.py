@@ -44,6 +44,11 @@ _FORMS = (
 @click.option("--ber", type=float, metavar="P", help="Bit error rate of their line. [default: not known]")
 @click.option("--profile", metavar="NAME", help=f"Their profile. [default: {DEFAULT_PROFILE}]")
 @click.option("--goal", "goals", metavar="GOAL", multiple=True, help=f"What it must achieve: {_FORMS}.")
+@click.option(
+    "--responses",
+    metavar="RUN",
+    help="Folder of a run of it: no timeout is shorter than the longest response of its Modbus masters.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 @click.option("--verify", "check", is_flag=True, help="Simulate the choice, one retry less and none.")
 @set_option
@@ -71,6 +76,7 @@ def command(
     ber: float | None,
     profile: str | None,
     goals: tuple[str, ...],
+    responses: str | None,
     as_json: bool,
     check: bool,
     overrides: tuple[str, ...],
@@ -110,6 +116,7 @@ def command(
             "--mode": mode,
             "--json": as_json,
             "--verify": check,
+            "--responses": responses,
         }
         wrong = next((name for name, value in refused.items() if value not in (None, False)), None)
         if wrong:
@@ -148,7 +155,12 @@ def command(
             if text.startswith("plcs.master.scan "):  # each PLC has the same
                 click.echo(f"warning: {text.replace('plcs.master.scan', '--scan', 1)}", err=True)
     show_carried(loaded, err=as_json)
-    sized = size(loaded, goals)
+    seen = None
+    if responses is not None:
+        from bussim.commands.size.measured import longest_responses
+
+        seen = longest_responses(Path(responses))
+    sized = size(loaded, goals, seen)
     found, ports = sized.links, sized.ports
     folder, stems = None, {}
     if out is not None and target is None:

@@ -71,6 +71,7 @@ class PollListModel:
     ``noise_reasons`` say why it is not known how often attempts fail. ``silence`` is the least gap that its
     slaves need before a request. ``words`` is where the words of a PLC's port begin (D), None for a device,
     ``timing`` is that of its line, ``joined`` are the names of polls that became one read.
+    ``seen`` is the longest response that was measured, in ticks from the request's end, 0 where none was.
     """
 
     node: str
@@ -90,6 +91,7 @@ class PollListModel:
     words: int | None = None
     timing: LineTiming | None = None
     joined: tuple[tuple[str, ...], ...] = ()
+    seen: int = 0
 
     @property
     def valid(self) -> bool:

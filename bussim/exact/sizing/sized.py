@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from os import PathLike
 from typing import TYPE_CHECKING
@@ -15,6 +15,8 @@ from bussim.exact.sizing.size import Sizing
 from bussim.exact.sizing.size import size as size_link
 from bussim.scenario import loader
 from bussim.scenario.model import Scenario
+from bussim.units import TICKS_PER_MS
+from bussim.wording import names, suggest
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,14 +56,20 @@ class Sized:
         return pd.json_normalize([choice.to_json() for choice in self.links[name].front])
 
 
-def size(scenario: Scenario | str | PathLike[str], goals: Iterable[str] = ()) -> Sized:
+def size(
+    scenario: Scenario | str | PathLike[str],
+    goals: Iterable[str] = (),
+    responses: Mapping[str, float] | None = None,
+) -> Sized:
     """Choose retries and timeout of each link, and timeout, retries and interval of each Modbus poll list.
 
     ``scenario`` is given as such, as a file or by a built-in name; its faults are left out. ``goals`` are
-    texts such as ``"errors<=1/y"`` and ``"dead<=400ms"``.
+    texts such as ``"errors<=1/y"`` and ``"dead<=400ms"``. ``responses`` are the longest response times that
+    were measured, in ms by master (``press1.COM3``, or a device): no timeout is shorter.
 
     Raises ScenarioError or UsageError for a scenario that cannot be loaded or has nothing to size;
-    UsageError for what is no goal, or one of what the scenario lacks.
+    UsageError for what is no goal, or one of what the scenario lacks, and for responses of
+    none of its masters.
     """
     loaded = scenario if isinstance(scenario, Scenario) else loader.load(scenario)
     try:
@@ -69,7 +77,11 @@ def size(scenario: Scenario | str | PathLike[str], goals: Iterable[str] = ()) ->
     except ValueError as error:
         raise UsageError(str(error)) from None
     models = from_scenario(loaded, ignore_faults=True, bound_end=True)
-    ports = size_ports(loaded, wanted)
+    seen = {node: round(longest * TICKS_PER_MS) for node, longest in (responses or {}).items()}
+    ports = size_ports(loaded, wanted, seen)
+    if seen and not seen.keys() & ports.keys():
+        hint = suggest(next(iter(seen)), list(ports)) if ports else "it has none"
+        raise UsageError(f"responses of {names(seen)}: no Modbus master of {loaded.name}; {hint}")
     if not (models or ports):
         raise UsageError(f"{loaded.name} has neither an N:N link nor a Modbus poll list")
     known = {*(LINK_GOALS if models else ()), *(PORT_GOALS if ports else ())}

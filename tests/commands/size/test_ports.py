@@ -8,8 +8,10 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+import bussim
 from bussim.cli import main
 from bussim.commands.size.command import command as size
+from bussim.units import TICKS_PER_MS
 
 LINE = """\
 schema: 1
@@ -52,6 +54,47 @@ def test_a_scenario_without_a_link_is_sized_and_verified(line: str) -> None:
     assert "2 devices" not in shown
     assert f"recommended: timeout 10 ms, {port['recommended']['retries']} retries" in shown
     assert "MOV K1 D7929  ; timeout: 10 ms" in shown
+
+
+def test_no_timeout_is_shorter_than_a_response_of_a_run(
+    line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    slow, late = str(tmp_path / "slow"), str(tmp_path / "late")
+    run = ["run", line, "--duration", "2s", "--no-plots"]
+    assert main([*run, "--set", "devices.s2.delay=43ms", "--out", slow]) == 0
+    short = ["--set", "plcs.p.ports.COM3.timeout=40ms", "--set", "devices.s1.delay=38ms"]
+    assert main([*run, *short, "--out", late]) == 0
+    capsys.readouterr()
+    longest = json.loads((tmp_path / "slow" / "summary.json").read_text("utf-8"))["ports"]["p.COM3"]
+    assert 40 < longest["response_ms"]["max"] < 50
+    assert main(["size", line, "--responses", slow, "--json"]) == 0
+    out, err = capsys.readouterr()
+    port = json.loads(out)["ports"]["p.COM3"]
+    assert (port["timeout_floor_ms"], port["recommended"]["timeout_ms"], err) == (50, 50, "")
+    (sizing,) = bussim.size(line, responses={"p.COM3": 91.2}).ports.values()
+    assert sizing.least == 100 * TICKS_PER_MS
+    assert main(["size", line, "--responses", late, "--json"]) == 0
+    assert "came after the timeout" in capsys.readouterr().err
+    assert main(["size", "feeder_off", "--responses", slow]) == 2
+    said = capsys.readouterr().err
+    assert "responses of p.COM3: no Modbus master of feeder off; did you mean press.COM5?" in said
+    assert main(["size", "two_stations", "--responses", slow]) == 2
+    assert "it has none" in capsys.readouterr().err
+    assert main(["size", line, "--responses", line]) == 2
+    assert "is a file, not the folder of a run" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_fitted_recording_has_no_response_that_outlasts_its_timeout(line: str, tmp_path: Path) -> None:
+    run, fitted = tmp_path / "run", tmp_path / "fitted.yaml"
+    slower = ["--set", "devices.s2.delay=33ms", "--set", "devices.s2.jitter=12ms"]
+    assert main(["run", line, *slower, "--duration", "60s", "--trace", "--no-plots", "--out", str(run)]) == 0
+    assert main(["fit", str(run), "--simulate", "0s", "-o", str(fitted)]) == 0
+    longest = bussim.open_run(run).summary["ports"]["p.COM3"]["response_ms"]["max"]
+    (sizing,) = bussim.size(fitted).ports.values()
+    assert sizing.recommended is not None
+    assert longest <= sizing.least / TICKS_PER_MS <= 1.05 * longest + 1
+    assert sizing.recommended.timeout >= sizing.least
 
 
 def test_goals_of_what_a_scenario_lacks_and_goals_that_cannot_be_met(

@@ -34,9 +34,10 @@ def timeout_unit(model: PollListModel) -> int:
 
 
 def least_timeout(model: PollListModel) -> int:
-    """The least timeout that no response outlasts, a multiple of its unit."""
+    """The least timeout that no response outlasts, neither a possible one nor a measured one; of its unit."""
     unit = timeout_unit(model)
     longest = max((poll.awaited.most - poll.request for poll in model.polls if poll.device), default=0)
+    longest = max(longest, model.seen)
     return max(1, -(-longest // unit)) * unit
 
 

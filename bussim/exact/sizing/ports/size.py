@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations, product
@@ -127,20 +127,25 @@ class PortSizing:
         }
 
 
-def size_ports(scenario: Scenario, goals: Goals) -> dict[str, PortSizing]:
+def size_ports(
+    scenario: Scenario, goals: Goals, responses: Mapping[str, int] | None = None
+) -> dict[str, PortSizing]:
     """Size every Modbus poll list of a scenario; faults are left out, but what makes slaves slow.
 
-    What the ports have as timeout, retries and interval does not matter.
+    What the ports have as timeout, retries and interval does not matter. ``responses`` are the longest that
+    were measured (ticks, by master): no timeout is shorter.
     """
+    seen = responses or {}
     faults = tuple(fault for fault in scenario.faults if isinstance(fault.kind, Slow))
     scenario = replace(scenario, faults=faults)
 
     def changed(node: str, baud: int | None, join: bool) -> PollListModel | None:  # noqa: FBT001 (private)
-        return poll_lists(scenario, sized=True, baud=baud, join=join).get(node)
+        found = poll_lists(scenario, sized=True, baud=baud, join=join).get(node)
+        return None if found is None else replace(found, seen=seen.get(node, 0))
 
     lists = poll_lists(scenario, sized=True)
     return {
-        node: _size(model, goals, partial(changed, node))
+        node: _size(replace(model, seen=seen.get(node, 0)), goals, partial(changed, node))
         for node, model in lists.items()
         if model.protocol != "free"
     }
