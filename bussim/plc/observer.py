@@ -13,6 +13,8 @@ from bussim.plc.program.errors import Fault
 class PlcObserver(Protocol):
     """Called by a PLC whose ENDs are carried out. Times are ticks."""
 
+    takes_ends: bool  # whether it is called at every END
+
     def ended(self, end: int) -> None:
         """An END was carried out; the memory is as it left it, before the next scan."""
 

@@ -271,16 +271,20 @@ class Plc:
 
     # -- ENDs that are left out --------------------------------------------------------------------
 
+    def _may_expire(self, extra: int) -> bool:
+        """Whether a scan that lasts so much longer than drawn may exceed the watchdog."""
+        return self.cycle.longest_drawn + extra > self.memory.words("D")[8000] * TICKS_PER_MS
+
     def _rest_after(self, end: int, extra: int) -> int:
         """Until when ENDs after the one that is carried out change nothing; -1: the next one may.
 
         Scans last so much longer by their instructions.
         """
-        until = self._sources.next_change(end)
+        until = self._sources.next_change(end) if self._sources.by_device else NEVER
         if self.logic is not None:
             until = min(until, self.logic.rests_until)
-            if self.cycle.longest_drawn + extra > self.memory.word("D", 8000) * TICKS_PER_MS:
-                return -1  # a scan may exceed the watchdog
+            if self._may_expire(extra):
+                return -1
             if self._observed and self.logic.changes:
                 return -1  # the next END reports the inputs that this scan has sampled
         # Scans are drawn ahead for a minute at most, of all PLCs for the same one.
@@ -403,7 +407,7 @@ class Plc:
             self.record_faults(now)
         if self._stores_blocks:
             self._refresh(now)
-        else:
+        elif self._sources.by_device:
             self._sources.write(self.memory, now)
         shown = self.every_end and self._rest.depends is None
         for each in self._port_list:
@@ -421,13 +425,13 @@ class Plc:
             self.memory.refresh_specials(now)
         if self._observed:
             self.observe(now)
-        if observer is not None:
+        if observer is not None and observer.takes_ends:
             observer.ended(now)
         if logic is not None:
             logic.freeze()
             extra += logic.scan(now)
         self.cycle.set_load(now, extra)
-        if logic is not None:
+        if logic is not None and (logic.changes or self._may_expire(extra) or logic.halted):
             following = self.cycle.next_end(now + 1, now)
             logic.check_watchdog(now, following - now)
             if self._rest.depends is not None and logic.halted:

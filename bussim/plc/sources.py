@@ -88,7 +88,7 @@ class Sources:
     """Those of one PLC, by their devices."""
 
     def __init__(self, sources: Mapping[Device, Source]) -> None:
-        self._sources = dict(sources)
+        self.by_device = dict(sources)
         #: The END at which they were written last.
         self.written = -1
 
@@ -97,11 +97,11 @@ class Sources:
         if end == self.written:
             return
         self.written = end
-        for device, source in self._sources.items():
+        for device, source in self.by_device.items():
             value = source.value(end)
             memory.set(device, value if device.is_word else value & 1)
 
     def next_change(self, end: int) -> int:
         """When one of them has another value first after a tick, far away if none ever has."""
-        changes = [source.next_change(end) for source in self._sources.values()]
+        changes = [source.next_change(end) for source in self.by_device.values()]
         return min((change for change in changes if change is not None), default=NEVER)

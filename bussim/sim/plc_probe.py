@@ -30,13 +30,12 @@ class PlcProbe:
         self._program = program
         self._sink = sink
         self._faults: dict[Hashable, tuple[str, int]] = {}  # by code: the first one in words, their number
-        self._ends = ends
+        self.takes_ends = ends
         plc.observer = self
 
     def ended(self, end: int) -> None:
         """See the observer."""
-        if self._ends:
-            self._sink.ends(self._plc.name, (end,))
+        self._sink.ends(self._plc.name, (end,))
 
     def changed(self, device: Device, value: int, now: int) -> None:
         """See the observer."""

@@ -37,8 +37,9 @@ class SlaveCounts:
 
 def _request_outcome(node: SerialStation, event: TransactionEnded) -> tuple[str, Outcome]:
     """Which node a master's request was for, and what became of it, by what that node has shown."""
-    sent, others = event.sent or 0, [each for each in node.line.ports if isinstance(each, SerialStation)]
-    peer = next((each for each in others if each is not node and event.station in each.stations), None)
+    sent = event.sent or 0
+    others = (each for each in node.line.ports if each is not node and isinstance(each, SerialStation))
+    peer = next((each for each in others if event.station in each.stations), None)
     name = str(event.station) if peer is None else peer.name
     if event.error is None or event.exception:
         return name, Outcome.GOOD
