@@ -61,7 +61,9 @@ class Receiver:
     @property
     def idle_at(self) -> int:
         """When the silence that ends the unfinished frame is over if nothing more comes, -1 without one."""
-        return self._idle_timer.at if self._frame_open else -1
+        if not self._frame_open:
+            return -1
+        return self._idle_timer.at if self._idle_timer.at >= 0 else self._last_end + self._quiet
 
     # -- what comes from outside of the simulation ---------------------------------------------------
 
@@ -131,6 +133,8 @@ class Receiver:
         self._plan()
         while self._next is not None and self._next.end <= now and self.is_open:
             self._deliver()
+        if self.is_open and self._frame_open and self._idle_timer.at < 0:
+            self._arm_idle()  # the character that was to come first may not come now
 
     def _wave_of_parts(self) -> Wave:
         return Wave([line_lows([self._driver(part) for part in self._parts], self._port.line.disputed)])
@@ -173,7 +177,8 @@ class Receiver:
 
     def _on_character(self, now: int) -> None:
         self._deliver()
-        self.settle()
+        if self._next is None:
+            self.settle()
 
     def _deliver(self) -> None:
         char = self._next
@@ -182,15 +187,25 @@ class Receiver:
         self._ready = char.ready
         self._last_end = char.end
         self._next = None
-        for rx in self._received(char):
+        tx = self._parts[-1].tx if self._parts else None
+        rx = RxChar(char.value, char.parity_ok, char.stop_ok)
+        for each in (rx,) if tx is None or not tx.rx_chars else self._received(char, rx, tx):
             if self._port.engine is None:
                 return
-            self._receive(rx, char.start, char.end, char.end)
+            self._receive(each, char.start, char.end, char.end)
         if not self.is_open:
             return
-        if self._frame_open:
-            self._idle_timer.set(max(char.end + self._quiet, self._port.now))
         self._plan()
+        if self._frame_open:
+            self._arm_idle()
+
+    def _arm_idle(self) -> None:
+        """Watch for the silence that ends the open frame, unless another character comes before."""
+        at, coming = self._last_end + self._quiet, self._next
+        if coming is not None and coming.end < at:
+            self._idle_timer.cancel()
+        else:
+            self._idle_timer.set(max(at, self._port.now))
 
     def _receive(self, rx: RxChar, start: int, end: int, now: int) -> None:
         """Pass a character to the node's engine; what the engine asks for is done at ``now``."""
@@ -203,14 +218,15 @@ class Receiver:
         if heard is not None:
             self._accepted(heard, engine.heard_start, now, hints)
         self._frame_open = bool(hints & OPEN)
-        port.handle(hints & ~OPEN, now)
+        hints &= ~OPEN
+        if hints:
+            port.handle(hints, now)
 
-    def _received(self, char: Sampled) -> list[RxChar]:
+    def _received(self, char: Sampled, rx: RxChar, tx: Transmission) -> list[RxChar]:
         """The character as the node's software gets it: a receiver fault may lose or add one."""
-        heard = [RxChar(char.value, char.parity_ok, char.stop_ok)]
-        tx = self._parts[-1].tx if self._parts else None
-        fault = tx.rx_chars.get(self._port.position) if tx is not None and tx.rx_chars else None
-        if tx is None or fault is None:
+        heard = [rx]
+        fault = tx.rx_chars.get(self._port.position) if tx.rx_chars else None
+        if fault is None:
             return heard
         index, value = fault
         at = char.start + self._half_character
