@@ -69,6 +69,8 @@ def test_a_link_runs_between_its_two_halves(paced: bool, record_property: pytest
     assert (feeder.read("D0"), feeder.read("D64")) == (4711, 22)
     assert (stacker.read("D0"), stacker.read("D32")) == (4711, 11)
     assert half.undetected == half.collisions == 0
+    # Its master is there, though not here.
+    assert "no_master" not in [finding["key"] for finding in slaves.session.record().summary["verdict"]]
     # Of the PLCs on the other side no register is known.
     assert [plc.name for plc in totals.plcs if plc.registers] == ["press"]
     assert [plc.name for plc in others.plcs if plc.registers] == ["feeder", "stacker"]

@@ -169,9 +169,9 @@ class LinkObserver(LinkDecoder):
             self._waited = now - poll.end
         station.attempts.add(outcome, poll.start, poll.end)
 
-    def _scan_begins(self, start: int, counter: int) -> None:
+    def _scan_begins(self, start: int, counter: int, *, started: bool) -> None:
         scans, begun = self.scans, self._scan
-        super()._scan_begins(start, counter)
+        super()._scan_begins(start, counter, started=started)
         if self.scans > scans and begun is not None:
             self._scans.append(start - begun[0])
 

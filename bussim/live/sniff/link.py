@@ -87,9 +87,9 @@ class LinkDecoder(Decoder):
         self._pieces = 0  # damaged frames since the latest sound frame of the master
         self._pieces_of_failed = 0
         self._before: tuple[int, Frame] | None = None  # end of the sound frame right before
-        # Where frames have no counter: the latest station polled, and whether a scan's begin was missed.
-        self._latest = 0
-        self._missed = False
+        self._last_end = 0  # of the latest sound frame
+        self._latest = 0  # the station polled last in this scan
+        self._missed = False  # where frames have no counter: whether a scan's begin was missed
 
     def heard(self, heard: Heard) -> None:
         """See the base class."""
@@ -103,6 +103,7 @@ class LinkDecoder(Decoder):
                     self._code = codes.DAMAGED
             return
         before, self._before = self._before, (heard.end, frame)
+        last, self._last_end = self._last_end, heard.end
         of_master = frame.kind != DATA or frame.station == 0
         self._count(heard, frame.kind_name, self._names[0 if of_master else frame.station])
         if not of_master:
@@ -111,22 +112,24 @@ class LinkDecoder(Decoder):
         if frame.kind == POLL and before is not None and self._poll is None:
             gap = heard.start - before[0]
             self._shortest_gap = gap if self._shortest_gap is None else min(gap, self._shortest_gap)
+        if frame.kind == PARAMETERS:
+            self.settings = frame.settings
+        self._after_silence(heard.start - last, frame)
         self._decide_failed(heard.start)
         if self._line.counters == 1 and frame.kind == POLL:
             unseen = before is None and self._taken == (frame.station, 0) and self._pieces > 0
             if frame.station < self._latest or (frame.station == self._latest and unseen):
                 self._missed, self._taken = True, None
-            self._latest = frame.station
         self._pieces = 0
         if frame.kind == POLL:
+            self._latest = frame.station
             self._polled(heard, frame)
-        elif frame.kind == PARAMETERS:
-            self.settings = frame.settings
-            self._given_up(heard.start, None)
-        else:
-            self._given_up(heard.start, None)
+            return
+        self._given_up(heard.start, None)
+        if frame.kind == DATA:
             self._block = len(frame.data)
-            self._scan_begins(heard.start, frame.counter)
+            started = before is not None and before[1].kind == PARAMETERS  # perhaps after STOP
+            self._scan_begins(heard.start, frame.counter, started=started)
             self._refreshed(heard, frame)
 
     def close(self) -> None:
@@ -235,16 +238,34 @@ class LinkDecoder(Decoder):
 
     # -- link scans ----------------------------------------------------------------------------
 
-    def _scan_begins(self, start: int, counter: int) -> None:
+    def _after_silence(self, silence: int, frame: Frame) -> None:
+        """Forget the scan that a STOP of the master has cut off, or whose end was not heard for certain.
+
+        After STOP a master begins with its parameters, else it sends them when the last slave is done with.
+        Where as many scans fit into a silence as counters count, these do not tell whether it was one scan.
+        """
+        settings, waits = self.settings, self._poll is not None
+        scans = self._line.counters
+        if frame.kind == PARAMETERS and settings is not None:
+            done = self._latest == settings.slaves and (not waits or self._attempt >= self.most_attempts)
+            if not (done or self._pieces):
+                self._scan = None
+            scans = 1
+        if waits:
+            silence -= settings.timeout * _TIMEOUT_UNIT if settings else silence
+        if 0 < self._shortest_scan * scans < silence:
+            self._scan = None
+
+    def _scan_begins(self, start: int, counter: int, *, started: bool) -> None:
         """The master's data frame begins a scan; the one before has a time if their counters follow."""
         begun, before, attempts = self._scan or (start, counter, 0)
         if self._line.counters == 1:
             scans = 2 if self._missed else 1
-            self._latest, self._missed, self._taken = 0, False, None
+            self._missed, self._taken = False, None
         else:
             if max(counter, before) >= self._counters:
                 self._counters = self._line.counters
-            if counter == 0 and start - begun < _ONE_SCAN * self._shortest_scan:
+            if counter == 0 and not started and start - begun < _ONE_SCAN * self._shortest_scan:
                 self._counters = before + 1  # no scan fits in between: so far this line counts
             scans = (counter - before - 1) % self._counters + 1
         if self._scan is not None and scans != 1:
@@ -264,7 +285,7 @@ class LinkDecoder(Decoder):
                 )
             )
             self.scans += 1
-        self._scan = (start, counter, 0)
+        self._scan, self._latest = (start, counter, 0), 0
         self._scan_failed = []
 
     def _cause(self) -> str:

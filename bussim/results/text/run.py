@@ -10,6 +10,7 @@ from bussim.results.run_record import RunRecord
 from bussim.results.text.latency import latency_lines
 from bussim.results.text.ports import SHOWN, alone_lines, port_lines, rare, times_in_words
 from bussim.results.verdict.catalogue import meaning
+from bussim.results.verdict.link import has_external_master
 from bussim.wording import counted
 
 if TYPE_CHECKING:
@@ -53,7 +54,13 @@ def _show_link(
     console: Console, record: RunRecord, bus: str, link: dict[str, Any], names: Mapping[int, str]
 ) -> None:
     if link["attempts"] is None:
-        _print(console, f"{bus}: {counted(link['stations'], 'station')}, no working master: no link scans")
+        outside = has_external_master(link)
+        found = "no working master: no link scans"
+        if outside:
+            found = "the master is outside, and alone measures link scans"
+        _print(console, f"{bus}: {counted(link['stations'], 'station')}, {found}")
+        if outside:
+            _show_refresh(console, link["refresh_gap_ms"])
         return
     _print(
         console,

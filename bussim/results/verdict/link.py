@@ -55,6 +55,11 @@ def link_findings(
         yield "no_station_in_error", {"bus": bus}
 
 
+def has_external_master(link: Mapping[str, Any]) -> bool:
+    """Whether a link without a master in the scenario's served part was polled: blocks arrived."""
+    return link["attempts"] is None and any(pair["count"] for pair in link["refresh_gap_ms"].values())
+
+
 def _times(link: Mapping[str, Any]) -> Iterator[Finding]:
     times = link["scan_time_ms"]
     if not link["scans"]:
@@ -130,6 +135,8 @@ class _Link:
 
     def _without_master(self) -> Iterator[Finding]:
         bus, link = self._bus, self._link
+        if has_external_master(link):
+            return
         if link["attempts"] is None or not (self._masters or link["scans"]):
             yield "no_master", {"bus": bus}
         elif not link["scans"]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import random
+from itertools import accumulate
 
 import pytest
 
@@ -74,6 +76,29 @@ class Noted(Collector):
 def press_line() -> bussim.Result:
     """With an outage of a station, so that there are failed attempts and stations in error."""
     return bussim.run(bussim.load("press_line", ["duration=15 s"]), trace=True)
+
+
+@pytest.mark.parametrize("dead", [[], [{"at": "0 s", "power_off": "press2"}]])
+def test_the_master_s_stop_is_no_link_scan(dead: list[dict[str, str]]) -> None:
+    """One STOP in sixteen leaves counters that follow each other, as if nothing had been between them."""
+    begins = accumulate(range(400, 1400, 37))  # ms, so that it is in RUN for one scan or for twenty
+    stops = [{"at": f"{at} ms", "for": f"{60 + at % 300} ms", "stop": "press1"} for at in begins]
+    run = bussim.run(
+        bussim.load("press_line", ["duration=26 s", f"faults={json.dumps(dead + stops)}"]), trace=True
+    )
+    found = heard_scans(run)
+    recorded = {(scan.start, scan.duration) for scan in run.open_trace().of(ScanRecord)}
+    assert len(recorded) * 0.9 < len(found) <= len(recorded)
+    assert {(scan.start, scan.duration) for scan in found} <= recorded
+
+
+def heard_scans(run: bussim.Result) -> list[ScanRecord]:
+    sink, trace = Noted(), run.open_trace()
+    listener = Listener("link", NN_LINE, sink, LineProtocol.NN)
+    for chunk in TraceFile(trace, trace.bus("link")).chunks(LineSetup(NN_LINE)):
+        listener.chars(chunk.chars)
+    listener.close()
+    return sink.scans
 
 
 def test_a_link_is_watched_as_the_master_reports_it(press_line: bussim.Result) -> None:
