@@ -26,6 +26,7 @@ class Turn:
 
     ``instead`` is an earlier request, which had timed out, that the response taken may answer. ``echoed``:
     what was taken is no response, but the request that the adapter returns. ``timed``: its times are known.
+    ``late`` are the attempts that failed while this computer was late: they say nothing of the line.
     """
 
     index: int
@@ -35,6 +36,7 @@ class Turn:
     instead: Unanswered | None = None
     echoed: bool = False
     timed: bool = True
+    late: tuple[TransactionEnded, ...] = ()
 
     @property
     def last(self) -> TransactionEnded:
@@ -94,6 +96,7 @@ class PollTurns(ModbusHandling):
         self.echoes = 0
         self._instead: Unanswered | None = None
         self._attempts: list[TransactionEnded] = []
+        self._late: list[TransactionEnded] = []
         self._turns = [0] * len(polls)
 
     @property
@@ -115,13 +118,18 @@ class PollTurns(ModbusHandling):
         match event:
             case TransactionEnded():
                 self._attempts.append(event)
+                failed = event.error is not None and not event.exception
+                if failed and self.late_at >= (event.sent or now):
+                    self._late.append(event)
             case FrameRejected():
                 self.count(event)
             case PollEnded(index=index):
                 attempts, self._attempts = tuple(self._attempts), []
+                late, self._late = tuple(self._late), []
                 if attempts:
                     self._turns[index] += 1
-                    self._on_turn(Turn(index, self._polls[index], attempts, event, self._instead))
+                    turn = Turn(index, self._polls[index], attempts, event, self._instead, late=late)
+                    self._on_turn(turn)
                 self._instead = None
             case ForeignFrame(echo=True):
                 self.echoes += 1

@@ -16,10 +16,15 @@ from bussim.units import TICKS_PER_MS
 
 #: How long a step waits at most, so that a request to stop is noticed.
 PATIENCE = 50 * TICKS_PER_MS
+#: What is done so much later than it was due may have made an exchange fail (assumed).
+LATE = 10 * TICKS_PER_MS
 
 
 class Handling:
     """What happens to an engine's transmissions and events; to be overridden where more is wanted."""
+
+    #: When this computer was last late by more than :data:`LATE`, in ticks.
+    late_at = -1
 
     def prepare(self, engine: Any, now: int) -> None:
         """Set the block that an N:N engine's next frame carries; the frame begins at ``now``."""
@@ -70,10 +75,12 @@ class EngineRunner:
         self._opened = False
         self._quiet_end = 0  # when it is over, if nothing more comes
         self._running = False
+        self._planned = self.clock.now()
 
     def start(self) -> None:
         """Open the port and start the engine. Raises UsageError if the port cannot be opened."""
         self.port.wire.open()
+        self._planned = self.clock.now()
         self._back(self.clock.now())
 
     def close(self) -> None:
@@ -92,7 +99,8 @@ class EngineRunner:
     def step(self, until: int) -> None:
         """Do what is due, and wait for something to happen, at the longest until a tick."""
         self._begin()
-        heard = self.port.step(min(until, self._next()))
+        self._planned = min(until, self._next())
+        heard = self.port.step(self._planned)
         # What was heard up to now comes before a deadline that is over: it may be more than one chunk.
         for _ in range(_MORE_CHUNKS):
             if not heard:
@@ -100,6 +108,11 @@ class EngineRunner:
             heard = self.port.step(self.clock.now())
         if self._running:
             self._timers(self.clock.now())
+        self._note_lateness(self.clock.now())
+
+    def _note_lateness(self, now: int) -> None:
+        if now - self._planned > LATE:
+            self._handling.late_at = now
 
     # -- what is due ---------------------------------------------------------------------------
 
@@ -151,6 +164,7 @@ class EngineRunner:
     def _collect(self) -> None:
         """Take over what the engine wants. In real time asking costs nothing: hints are not read."""
         now = self.clock.now()
+        self._note_lateness(now)
         while (item := self.engine.poll()) is not None:
             if isinstance(item, Transmit):
                 at = self._handling.when(item, now)

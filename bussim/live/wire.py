@@ -26,7 +26,7 @@ class WireCounts:
     losses: int = 0  # times that the port was lost
     retries: int = 0  # attempts to open it again
     returns: int = 0  # times that it came back
-    away_s: float = 0.0  # seconds for which it was lost before it came back
+    away_s: float = 0.0  # seconds for which it was lost
 
     def to_json(self) -> dict[str, float]:
         """Plain data."""
@@ -67,7 +67,8 @@ class Wire:
         self.framed = False
         self._instant = False
         self._warned: set[str] = set()
-        self._retry_at = self._lost_at = 0
+        self._retry_at = 0
+        self._lost_at: int | None = None
         self._wait = options.retry_first
 
     def open(self) -> None:
@@ -144,10 +145,17 @@ class Wire:
         self.counts.dropped += len(data) - taken
 
     def close(self) -> None:
-        """Close the port."""
+        """Close the port. One that is lost stays so from then on."""
         if self._endpoint is not None:
             self._endpoint.close()
             self._endpoint = None
+        self._was_away()
+
+    def _was_away(self) -> None:
+        if self._lost_at is not None:
+            away = seconds(self.clock.now() - self._lost_at)
+            self._lost_at = None
+            self.counts.away_s = round(self.counts.away_s + away, 3)
 
     def _lost(self, error: Exception) -> None:
         self.close()
@@ -172,6 +180,6 @@ class Wire:
             self._retry_at = self.clock.now() + self._wait
             return
         self.counts.returns += 1
-        away = seconds(self.clock.now() - self._lost_at)
-        self.counts.away_s = round(self.counts.away_s + away, 3)
-        self.report(f"after {away:.1f} s {self.url} is back")
+        before = self.counts.away_s
+        self._was_away()
+        self.report(f"after {self.counts.away_s - before:.1f} s {self.url} is back")

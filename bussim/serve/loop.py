@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from bussim.live.clock import Clock
-from bussim.live.runner import PATIENCE
+from bussim.live.runner import LATE, PATIENCE
 from bussim.live.waiting import wait
 from bussim.serve.bridge import Bridge
 from bussim.sim.kernel import Kernel
@@ -30,9 +30,12 @@ class Lateness:
     worst_at: int = 0
     total: int = 0
     count: int = 0
+    latest: int = -1  # when it was last more than :data:`bussim.live.runner.LATE`
 
     def add(self, late: int, now: int) -> None:
         """Something was due ``late`` ticks before ``now``."""
+        if late > LATE:
+            self.latest = now
         self.total += late
         self.count += 1
         if late > self.worst:

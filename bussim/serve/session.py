@@ -14,6 +14,7 @@ from bussim.line.protocols import BusProtocol
 from bussim.live.clock import Clock
 from bussim.live.echo import RETURNS
 from bussim.live.options import PortOptions
+from bussim.live.runner import LATE
 from bussim.live.wire import Wire
 from bussim.results.collector import Collector, Rows
 from bussim.results.meters.link import LinkRecord, Pairs
@@ -24,7 +25,7 @@ from bussim.scenario.rules.buses import NO_MASTER
 from bussim.serve.bridge import Bridge
 from bussim.serve.external_lines import ExternalLinkBus, ExternalSerialBus
 from bussim.serve.late_responses import LateResponses
-from bussim.serve.loop import RealTime
+from bussim.serve.loop import Lateness, RealTime
 from bussim.serve.targets import DIVISIBLE, Target
 from bussim.sim.kernel import Kernel
 from bussim.sim.nn.bus import LinkBus
@@ -34,6 +35,7 @@ from bussim.sim.runner import Lines, Simulation
 from bussim.sim.serial.bus import SerialBus
 from bussim.trace.records import (
     Outcome,
+    PollRecord,
     Record,
     RunTotals,
     Sink,
@@ -41,7 +43,7 @@ from bussim.trace.records import (
     TraceHeader,
     TransactionRecord,
 )
-from bussim.units import TICKS_PER_MS, format_ms, milliseconds, seconds
+from bussim.units import format_ms, milliseconds, seconds
 from bussim.wording import counted
 
 #: The duration of a run without an end (100 years).
@@ -51,8 +53,6 @@ _NO_PACE = (
     "has no pace: what others send takes no time there, so that scan times are shorter than on a line, and a "
     "bus load may be above 100 %; --paced on both sides spaces bytes at the line's rate"
 )
-#: Lateness that is worth a warning in the results.
-_LATE = 10 * TICKS_PER_MS
 
 
 class _Bridges(Lines):
@@ -102,16 +102,28 @@ class _Bridges(Lines):
 class _SimulatedOnly(Collector):
     """Leaves out when external stations received a block, which is unknown.
 
-    ``here`` are the names of the simulated nodes.
+    Requests over a port that failed while this computer was late are recorded, but not counted. ``here``
+    are the names of the simulated nodes, ``served`` those of the lines on ports.
     """
 
     here: frozenset[str] = frozenset()
     late: LateResponses
+    served: frozenset[str] = frozenset()
+    lateness: Lateness = Lateness()
+    #: Requests that are not counted.
+    uncounted = 0
 
     def take(self, record: Record) -> None:
         """See the base class."""
         if isinstance(record, TransactionRecord):
             self.late.note(record)
+        if isinstance(record, TransactionRecord | PollRecord) and record.bus in self.served:
+            begun = record.sent if isinstance(record, TransactionRecord) else record.start
+            failed = record.error is not None and not getattr(record, "exception", 0)
+            if failed and self.lateness.latest >= (record.end if begun is None else begun):
+                self.uncounted += isinstance(record, TransactionRecord)
+                self._keep(record)
+                return
         super().take(record)
 
     def links(self, totals: RunTotals) -> dict[str, LinkRecord]:
@@ -181,13 +193,15 @@ class Session:
         led_out = {bus for plc, bus in linked if external.line_of(plc.name) is not None}
         numbers = {plc.name: plc.registers.get("D8176", 0) for plc, bus in linked if bus not in led_out}
         self.collector = _SimulatedOnly(traced=traced, rows=rows, bus_of=bus_of, numbers=numbers)
-        self.collector.late = LateResponses(frozenset(target.name for target in targets))
+        self.collector.served = frozenset(target.name for target in targets)
+        self.collector.late = LateResponses(self.collector.served)
         self.simulation = Simulation(self.scenario, self.collector, external)
         self.collector.here = frozenset(self.simulation.nodes)
         self.bridges = tuple(external.bridges)
         self.loop = RealTime(
             self.simulation.kernel, self.clock, self.bridges, also=self._carry_out, report=report
         )
+        self.collector.lateness = self.loop.lateness
         self._requests: deque[Callable[[], None]] = deque()  # of other threads
         self._stack = ExitStack()
         self._totals: RunTotals | None = None
@@ -287,10 +301,13 @@ class Session:
                 lost = counted(counts.dropped, "byte")
                 warnings.append(f"{target.url} did not take {lost}: no program reads there")
         late = self.loop.lateness
-        if late.worst > _LATE:
+        if late.worst > LATE:
             warnings.append(
                 f"this computer was up to {format_ms(late.worst)} late, at {seconds(late.worst_at):.3f} s"
             )
+        if uncounted := self.collector.uncounted:
+            failed = counted(uncounted, "failed request")
+            warnings.append(f"this computer was late meanwhile: {failed} left out of what is counted")
         return warnings
 
     def record(self) -> RunRecord:

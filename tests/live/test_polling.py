@@ -10,6 +10,8 @@ from functools import partial
 
 import pytest
 
+from bussim.commands.poll.plan import Planned
+from bussim.commands.poll.session import Tally
 from bussim.engines.modbus.adu import Mode
 from bussim.engines.modbus.events import ForeignFrame
 from bussim.engines.modbus.pdu import (
@@ -112,6 +114,34 @@ def test_a_silent_station_is_a_timeout_and_retried() -> None:
     assert [attempt.error for attempt in turn.attempts] == [9, 9, 9]
     assert not turn.responded
     assert turn.response is None
+
+
+class HeldUp(Wire):
+    """A port on a computer that comes back to it 30 ms too late."""
+
+    def read(self, until: int) -> bytes:
+        data = super().read(until)
+        time.sleep(0.03)
+        return data
+
+
+def test_an_attempt_that_fails_while_this_computer_is_late_is_told_apart() -> None:
+    polls = [Poll(99, Request(3, 0, 1), retries=1)]
+    turns: list[Turn] = []
+    handling = PollTurns(polls, turns.append, 1)
+    wire = HeldUp("pty", line_of(Mode.RTU, 115200, CharFormat(8, "N", 1)))
+    timeout = TICKS_PER_SECOND // 20
+    runner = master_runner(wire, Mode.RTU, PollList(polls), timeout=timeout, handling=handling)
+    runner.start()
+    runner.run(lambda: handling.done)
+    runner.close()
+    (turn,) = turns
+    assert turn.late == turn.attempts
+    tally = Tally(Planned(turn.poll, "station 99", 0, None))
+    tally.add(turn)
+    found = tally.to_json()
+    assert (found["turns"], found["attempts"], found["errors"], found["computer_late"]) == (0, 0, {}, 2)
+    assert tally.failed  # nothing is known to be right
 
 
 @pytest.mark.parametrize("after", [slow(-90), slow(-5), 5, slow(30), 40, 150])

@@ -234,6 +234,20 @@ def test_a_lost_port_is_reported_and_comes_back(tmp_path: Path) -> None:
     os.close(outer)
 
 
+def test_a_port_that_never_comes_back_was_away_to_the_end() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        wire = Wire(f"socket://127.0.0.1:{server.getsockname()[1]}", LINE)
+        wire.open()
+        server.accept()[0].close()
+    until = time.monotonic() + PATIENCE
+    while wire.connected and time.monotonic() < until:
+        wire.read(wire.clock.now() + 1_000_000)
+    time.sleep(0.02)
+    wire.close()
+    assert wire.counts.away_s >= 0.02
+    assert (wire.counts.losses, wire.counts.returns) == (1, 0)
+
+
 def test_a_served_slave_survives_the_loss_of_its_connection() -> None:
     """A device server that hangs up: the slave responds again when it takes the connection again."""
     server = socket.create_server(("127.0.0.1", 0))

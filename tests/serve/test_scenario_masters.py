@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 
 import pytest
 
@@ -117,3 +118,16 @@ def test_a_master_that_may_have_taken_a_late_response_is_warned_of(delay: float,
     warnings = [text for text in serving.totals().warnings if "cannot tell" in text]
     assert bool(warnings) is warned
     assert all(text.startswith("screen took ") for text in warnings)
+
+
+def test_requests_that_fail_while_this_computer_is_late_are_not_counted() -> None:
+    """Nobody answers; what is due waits for a program that takes 150 ms in between."""
+    rows = Outcomes()
+    with Serving(LATE, ports=("screen=pty",), rows=rows) as serving:
+        serving.wait_for(lambda: rows.count >= 1)
+        serving.session._requests.append(lambda: time.sleep(0.15))
+        serving.wait_for(lambda: rows.count >= 5)
+    uncounted = serving.session.collector.uncounted
+    assert uncounted >= 1
+    assert serving.session.record().summary["devices"]["screen"]["transactions"] == rows.count - uncounted
+    assert any("left out of what is counted" in text for text in serving.totals().warnings)

@@ -75,18 +75,19 @@ class Tally:
     def __init__(self, planned: Planned) -> None:
         self.planned = planned
         self.turns = self.attempts = self.ok = self.exceptions = 0
-        self.late = self.mismatched = 0
+        self.late = self.mismatched = self.computer_late = 0
         self.errors: dict[str, int] = {}
         self.times = Histogram()
         self.values: list[int | float | str] = []
 
     def add(self, turn: Turn) -> None:
-        """Take in a turn."""
-        self.turns += 1
-        self.attempts += len(turn.attempts)
+        """Take in a turn, without what failed while this computer was late."""
+        self.computer_late += len(turn.late)
+        self.turns += turn.last not in turn.late
+        self.attempts += len(turn.attempts) - len(turn.late)
         self.mismatched += turn.mismatched
         for attempt in turn.attempts:
-            if attempt.error is not None:
+            if attempt.error is not None and attempt not in turn.late:
                 word = _outcome(attempt.error, attempt.exception)
                 self.errors[word] = self.errors.get(word, 0) + 1
         if turn.echoed:
@@ -98,6 +99,11 @@ class Tally:
             self.exceptions += 1
         if turn.response is not None:
             self.times.add(turn.response)
+
+    @property
+    def failed(self) -> bool:
+        """Whether something is wrong, or nothing is known to be right."""
+        return self.ok < max(self.turns, min(1, self.computer_late)) or self.mismatched > 0
 
     def to_json(self) -> dict[str, Any]:
         """Plain data; times in ms."""
@@ -114,6 +120,7 @@ class Tally:
             "exceptions": self.exceptions,
             "late": self.late,
             "mismatched": self.mismatched,
+            "computer_late": self.computer_late,
             "errors": dict(sorted(self.errors.items())),
             "response_ms": statistics(self.times),
             "values": self.values,
@@ -211,11 +218,7 @@ def poll(
         click.echo(f"{url} was lost {_LOSSES} times without a response: given up", err=True)
     if echoes:
         click.echo(f"{url} {RETURNS}", err=True)
-    return (
-        1
-        if echoes or given_up() or any(tally.ok < tally.turns or tally.mismatched for tally in tallies)
-        else 0
-    )
+    return 1 if echoes or given_up() or any(tally.failed for tally in tallies) else 0
 
 
 def _thrown_away(frame: ForeignFrame, tallies: list[Tally]) -> str:
@@ -255,7 +258,10 @@ def _row(turn: Turn, planned: Planned) -> tuple[str | int | None, ...]:
 
 def _word(turn: Turn) -> str:
     error = turn.last.error
-    return _ECHO if turn.echoed else "ok" if error is None else _outcome(error, turn.last.exception)
+    if turn.echoed:
+        return _ECHO
+    late = ", this computer was late" if turn.last in turn.late else ""
+    return "ok" if error is None else _outcome(error, turn.last.exception) + late
 
 
 def _outcome(error: int, exception: int) -> str:
@@ -316,6 +322,8 @@ def _show(tallies: list[Tally], summary: dict[str, Any]) -> None:
         click.echo(
             f"mismatched: {counted(mismatched, 'response')} may belong to an earlier request; --resync"
         )
+    if late := sum(tally.computer_late for tally in tallies):
+        click.echo(f"this computer was late: {counted(late, 'failed attempt')} left out of what is counted")
     for reason, count in summary["rejected_frames"].items():
         click.echo(f"frames that were no responses: {count} × {reason}")
     port = summary["port"]
