@@ -343,7 +343,8 @@ def _reason(url: str, error: Exception) -> str:
     if not isinstance(inner, OSError) or not inner.strerror:
         return str(error)
     if "://" in url:
-        return inner.strerror
+        # pyserial writes on after the other side has closed.
+        return "the other side has closed the connection" if inner.errno == errno.EBADF else inner.strerror
     if inner.errno in (errno.EAGAIN, errno.EBUSY):
         return _IN_USE
     if inner.errno == errno.EACCES and sys.platform != "win32":

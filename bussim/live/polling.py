@@ -18,6 +18,7 @@ from bussim.engines.modbus.events import (
 )
 from bussim.engines.modbus.polls import Poll
 from bussim.live.modbus import ModbusHandling
+from bussim.live.runner import spoiled
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +120,7 @@ class PollTurns(ModbusHandling):
             case TransactionEnded():
                 self._attempts.append(event)
                 failed = event.error is not None and not event.exception
-                if failed and self.late_at >= (event.sent or now):
+                if failed and spoiled(event.sent or now, now, self.late_at, self.late_by):
                     self._late.append(event)
             case FrameRejected():
                 self.count(event)

@@ -20,11 +20,16 @@ PATIENCE = 50 * TICKS_PER_MS
 LATE = 10 * TICKS_PER_MS
 
 
+def spoiled(begun: int, ended: int, late_at: int, late_by: int) -> bool:
+    """Whether an exchange may have failed by lateness: a tenth of it or more, and within it (assumed)."""
+    return late_at >= begun and 10 * late_by >= ended - begun
+
+
 class Handling:
     """What happens to an engine's transmissions and events; to be overridden where more is wanted."""
 
-    #: When this computer was last late by more than :data:`LATE`, in ticks.
-    late_at = -1
+    #: When this computer was last late by more than :data:`LATE`, and by how much, in ticks.
+    late_at, late_by = -1, 0
 
     def prepare(self, engine: Any, now: int) -> None:
         """Set the block that an N:N engine's next frame carries; the frame begins at ``now``."""
@@ -112,7 +117,7 @@ class EngineRunner:
 
     def _note_lateness(self, now: int) -> None:
         if now - self._planned > LATE:
-            self._handling.late_at = now
+            self._handling.late_at, self._handling.late_by = now, now - self._planned
 
     # -- what is due ---------------------------------------------------------------------------
 

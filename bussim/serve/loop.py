@@ -30,12 +30,13 @@ class Lateness:
     worst_at: int = 0
     total: int = 0
     count: int = 0
-    latest: int = -1  # when it was last more than :data:`bussim.live.runner.LATE`
+    latest: int = -1  # when it was last more than :data:`bussim.live.runner.LATE`, and by how much
+    latest_by: int = 0
 
     def add(self, late: int, now: int) -> None:
         """Something was due ``late`` ticks before ``now``."""
         if late > LATE:
-            self.latest = now
+            self.latest, self.latest_by = now, late
         self.total += late
         self.count += 1
         if late > self.worst:

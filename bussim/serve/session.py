@@ -14,7 +14,7 @@ from bussim.line.protocols import BusProtocol
 from bussim.live.clock import Clock
 from bussim.live.echo import RETURNS
 from bussim.live.options import PortOptions
-from bussim.live.runner import LATE
+from bussim.live.runner import LATE, spoiled
 from bussim.live.wire import Wire
 from bussim.results.collector import Collector, Rows
 from bussim.results.meters.link import LinkRecord, Pairs
@@ -120,7 +120,8 @@ class _SimulatedOnly(Collector):
         if isinstance(record, TransactionRecord | PollRecord) and record.bus in self.served:
             begun = record.sent if isinstance(record, TransactionRecord) else record.start
             failed = record.error is not None and not getattr(record, "exception", 0)
-            if failed and self.lateness.latest >= (record.end if begun is None else begun):
+            late = self.lateness
+            if failed and begun is not None and spoiled(begun, record.end, late.latest, late.latest_by):
                 self.uncounted += isinstance(record, TransactionRecord)
                 self._keep(record)
                 return
