@@ -23,8 +23,8 @@ class Echo:
 
     With the option ``echo`` that is as many characters as were sent. Without it a frame that comes back
     whole shows the adapter, is reported, and is left out from then on: a link's, a request, or a response
-    that no request equals. A master may repeat a write whose response equals it: such responses show the
-    adapter when ten in a row come back as soon as the adapter may hand them over.
+    that no request equals. A write whose response equals it must come twice; a master may repeat it, so that
+    such responses show the adapter when ten in a row come back as soon as the adapter may hand them over.
     """
 
     def __init__(self, wire: Wire) -> None:
@@ -46,16 +46,18 @@ class Echo:
         elif self.found or wire.options.echo:
             self._sent = (self._sent + chars)[-CHUNK:]
         else:
-            self._sent, self._needed = chars, self._frames_needed(frame, response=response)
+            self._sent, self._needed = self._returned(chars, frame, response=response)
             self._until = wire.clock.now() + wire.timing.characters(len(chars)) + wire.options.tolerance
 
-    def _frames_needed(self, frame: object, *, response: bool) -> int:
-        """How many such frames show the adapter, 0 for none."""
+    def _returned(self, chars: bytes, frame: object, *, response: bool) -> tuple[bytes, int]:
+        """What comes back from an adapter alone, and how often in a row; 0 for nothing."""
         if not isinstance(frame, Adu):
-            return int(isinstance(frame, Frame))
+            return chars, int(isinstance(frame, Frame))
         if frame.pdu[0] not in WRITE_ONE:
-            return 1
-        return _IN_A_ROW if response and not self._wire.url.startswith(_PROGRAMS) else 0
+            return chars, 1
+        if not response:
+            return 2 * chars, 1  # once from the station
+        return chars, _IN_A_ROW * (not self._wire.url.startswith(_PROGRAMS))
 
     def unsent(self, count: int) -> None:
         """The last ``count`` characters are not sent after all."""

@@ -93,8 +93,6 @@ class PollTurns(ModbusHandling):
         self._on_turn = on_turn
         self._rounds = rounds
         self._on_late = on_late
-        #: Requests that came back.
-        self.echoes = 0
         self._instead: Unanswered | None = None
         self._attempts: list[TransactionEnded] = []
         self._late: list[TransactionEnded] = []
@@ -132,8 +130,6 @@ class PollTurns(ModbusHandling):
                     turn = Turn(index, self._polls[index], attempts, event, self._instead, late=late)
                     self._on_turn(turn)
                 self._instead = None
-            case ForeignFrame(echo=True):
-                self.echoes += 1
             case ForeignFrame(late=None):
                 self.rejected["no station was asked for it"] += 1
             case ForeignFrame(taken=True):

@@ -16,7 +16,7 @@ class LivePort:
     ``on_chars`` gets what was received, chunk by chunk. ``on_sent(first_edge, end)`` is called when a
     transmission has left; on a wire that takes its time that is worked out from rate and format. If
     another node is heard before, all of it had left already. ``on_lost`` and ``on_back`` are called
-    with the tick; what was to be sent is forgotten then.
+    with the tick; what was to be sent is forgotten then. ``slave``: what it sends are responses.
     """
 
     def __init__(
@@ -27,6 +27,7 @@ class LivePort:
         on_sent: Callable[[int, int], None] = lambda _start, _end: None,
         on_lost: Callable[[int], None] = lambda _now: None,
         on_back: Callable[[int], None] = lambda _now: None,
+        slave: bool = False,
     ) -> None:
         self.wire = wire
         self.clock = wire.clock
@@ -43,7 +44,8 @@ class LivePort:
         self._written = 0
         self._start = 0
         self._end: int | None = None
-        self._echo = Echo(wire)
+        self.echo = Echo(wire)
+        self._slave = slave
 
     @property
     def sending(self) -> bool:
@@ -55,15 +57,12 @@ class LivePort:
         """End of what was heard or sent last."""
         return self._arrivals.busy_until
 
-    def send(self, chars: bytes, at: int, response: object = None) -> None:
-        """Send at the tick ``at``, or now if that is past, after what was to be sent before.
-
-        ``response`` is the slave's response that is sent, None where it is something else.
-        """
+    def send(self, chars: bytes, at: int, frame: object = None) -> None:
+        """Send a frame at the tick ``at``, or now if that is past, after what was to be sent before."""
         if chars:
             mask = self._mask
             plain = chars if mask == 0xFF else bytes(value & mask for value in chars)
-            self._queue.append((at, plain, response))
+            self._queue.append((at, plain, frame))
 
     def step(self, until: int) -> bool:
         """Do what is due and wait for bytes, at the longest until a tick; whether any were heard."""
@@ -94,11 +93,11 @@ class LivePort:
                 return until
             if self._queue[0][0] > self.clock.now():
                 return self._queue[0][0]
-            _, self._out, response = self._queue.popleft()
+            _, self._out, frame = self._queue.popleft()
             self._written = 0
             self._start = self.clock.now()
             self._end = self._start + self._timing.characters(len(self._out))
-            self._echo.sent(self._out, response, response=True)
+            self.echo.sent(self._out, frame, response=self._slave)
         if self._written < len(self._out):
             return self._write()
         return self._end
@@ -130,12 +129,12 @@ class LivePort:
     def _forget(self) -> None:
         self._queue.clear()
         self._end = None
-        self._echo.forget()
+        self.echo.forget()
 
     # -- listening -----------------------------------------------------------------------------
 
     def _heard(self, data: bytes, arrived: int) -> None:
-        data = self._echo.without(data)
+        data = self.echo.without(data)
         if not data:
             return
         if self._end is not None and self._written == len(self._out):

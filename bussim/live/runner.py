@@ -68,7 +68,12 @@ class EngineRunner:
         self.engine = engine
         self.clock = wire.clock
         self.port = LivePort(
-            wire, on_chars=self._chars, on_sent=self._sent, on_lost=self._lost, on_back=self._back
+            wire,
+            on_chars=self._chars,
+            on_sent=self._sent,
+            on_lost=self._lost,
+            on_back=self._back,
+            slave=isinstance(engine, Slave),
         )
         self._quiet = quiet
         self._tolerance = wire.options.tolerance
@@ -162,7 +167,7 @@ class EngineRunner:
         frame = self.engine.begin_transmit(now, counter)
         chars = self._handling.chars(frame)
         if chars:
-            self.port.send(chars, now, frame if isinstance(self.engine, Slave) else None)
+            self.port.send(chars, now, frame)
         else:
             self._sent(now, now)
 

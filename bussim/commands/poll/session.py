@@ -206,7 +206,7 @@ def poll(
         "format": str(plan.line.format),
         "duration_s": round(seconds(duration), 6),
         "polls": [tally.to_json() for tally in tallies],
-        "echo": bool(echoes := check.found or turns.echoes),
+        "echo": bool(echoes := check.found or runner.port.echo.found),
         "rejected_frames": dict(sorted(turns.rejected.items())),
         "port": wire.counts.to_json(),
     }
@@ -216,7 +216,7 @@ def poll(
         _show(tallies, summary)
     if given_up():
         click.echo(f"{url} was lost {_LOSSES} times without a response: given up", err=True)
-    if echoes:
+    if check.found:
         click.echo(f"{url} {RETURNS}", err=True)
     return 1 if echoes or given_up() or any(tally.failed for tally in tallies) else 0
 

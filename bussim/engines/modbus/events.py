@@ -31,8 +31,7 @@ class Unanswered:
 class ForeignFrame:
     """Master: a sound frame that is not the awaited response; it goes on waiting, unless ``taken``.
 
-    ``late`` is the earlier request that the frame answers, None where it is of another station. ``echo``: it
-    begins with the request itself, and is no response to it.
+    ``late`` is the earlier request that the frame answers, None where it is of another station.
     """
 
     tick: int
@@ -40,7 +39,6 @@ class ForeignFrame:
     station: int
     late: Unanswered | None = None
     taken: bool = False
-    echo: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from bussim.engines.modbus.adu import Adu, Damage
 from bussim.engines.modbus.codes import PortError
 from bussim.engines.modbus.events import ForeignFrame, FrameRejected, Unanswered
 from bussim.engines.modbus.master import MasterConfig, check_response
-from bussim.engines.modbus.pdu import WRITE_ONE, ExceptionResponse, Request, decode_response
+from bussim.engines.modbus.pdu import ExceptionResponse, Request, decode_response
 from bussim.engines.modbus.polling import PollingMaster
 from bussim.engines.modbus.polls import Poll, PollList
 from bussim.engines.modbus.states import MasterState
@@ -28,9 +28,7 @@ class ResyncingMaster(PollingMaster):
     ``resync`` a request whose response could not be told from that one (same station and function, not the
     same request) waits until then, and the late response is reported and thrown away. The same request is
     repeated at once: a late response to it carries the right name; the next one waits for the other
-    response. A response that comes still later is told by the one behind it: the next response of its form
-    is taken when none has followed for a timeout, since slaves respond in order. Without ``resync`` the
-    master goes on as a PLC does, and what it takes may be late.
+    response. Without ``resync`` the master goes on as a PLC does, and what it takes may be late.
     """
 
     def __init__(self, config: MasterConfig, polls: PollList[Poll], *, resync: bool = True) -> None:
@@ -39,22 +37,17 @@ class ResyncingMaster(PollingMaster):
         self._between = config.framing.reader()  # what comes while no response is awaited
         self._unanswered: list[Unanswered] = []
         self._doubtful: Unanswered | None = None  # what was taken may not have been its response
-        # By station and function the latest request whose response has not come in time for patience.
-        self._given_up: dict[tuple[int, int], Unanswered] = {}
-        self._kept: tuple[Adu, int, int] | None = None  # taken if no other follows
         #: Ticks after a request's end in which its response is expected.
         self.patience = max(_TIMEOUTS * config.timeout, PATIENCE)
 
     def start(self, now: int) -> int:
         """Power-on; returns hints."""
         self._unanswered.clear()
-        self._given_up.clear()
         self._between.reset()
         return super().start(now)
 
     def begin_transmit(self, now: int, counter: int = 0) -> Adu:
         """The request that is due."""
-        self._kept = None
         self._between.reset()
         return super().begin_transmit(now, counter)
 
@@ -83,9 +76,6 @@ class ResyncingMaster(PollingMaster):
         late = self._late(completed, now)
         if late is not None:
             self._unanswered.remove(late)
-        else:
-            given_up = self._given_up.values()
-            late = next((one for one in given_up if _answers(completed, one.station, one.request)), None)
         self._events.append(ForeignFrame(now, self._between.heard[0], completed.station, late))
 
     def _late(self, adu: Adu, now: int) -> Unanswered | None:
@@ -93,22 +83,8 @@ class ResyncingMaster(PollingMaster):
         self._give_up(now)
         return next((one for one in self._unanswered if _answers(adu, one.station, one.request)), None)
 
-    def _give_up(self, now: int) -> None:
-        while self._unanswered and self._unanswered[0].asked + self.patience <= now:
-            one = self._unanswered.pop(0)
-            self._given_up[one.station, one.request.function] = one
-
     def _accepted(self, adu: Adu, start: int, end: int, now: int) -> int:
-        if adu.chars == self._adu.chars and self._request.function not in WRITE_ONE:
-            self._events.append(ForeignFrame(now, start, adu.station, echo=True))
-            return EVENTS | (self._timed_out(now) if self._overdue else 0)
-        late, doubt = self._late(adu, now), self._given_up.get((self._station, self._request.function))
-        if self._resync and doubt is not None and _answers(adu, self._station, self._request):
-            if self._kept is not None:
-                self._events.append(ForeignFrame(now, self._kept[1], adu.station, doubt))
-            self._kept = adu, start, end
-            self._deadline, self._overdue = now + self.config.timeout, False
-            return EVENTS | DEADLINE
+        late = self._late(adu, now)
         if late is None:
             return super()._accepted(adu, start, end, now)
         self._unanswered.remove(late)
@@ -121,22 +97,11 @@ class ResyncingMaster(PollingMaster):
         self._unanswered.append(self._doubtful)
         return super()._accepted(adu, start, end, now)
 
-    def _damaged(self, damage: Adu | Damage | None, now: int, *, certain: bool = False) -> int:
-        # An echo and the response behind it that came in one go, or an echo alone of a longer frame.
-        if isinstance(damage, Damage) and damage.chars.startswith(self._adu.chars):
-            self._events.append(ForeignFrame(now, damage.start, self._station, echo=True))
-        return super()._damaged(damage, now, certain=certain)
+    def _give_up(self, now: int) -> None:
+        self._unanswered = [one for one in self._unanswered if now < one.asked + self.patience]
 
     def _timed_out(self, now: int) -> int:
-        if self._kept is not None:
-            (adu, start, end), self._kept = self._kept, None
-            asked = self._station, self._request.function
-            del self._given_up[asked]  # what is behind it in order will come no more
-            self._unanswered = [
-                one for one in self._unanswered if (one.station, one.request.function) != asked
-            ]
-            return super()._accepted(adu, start, end, now)
-        self._give_up(now)
+        self._give_up(now)  # a station that never responds takes no room
         self._unanswered.append(Unanswered(self._station, self._request, self._asked or now))
         return super()._timed_out(now)
 

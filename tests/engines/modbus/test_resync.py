@@ -106,12 +106,9 @@ poll = st.builds(
 )
 
 
-@given(
-    st.lists(poll, min_size=1, max_size=4),
-    st.lists(st.none() | st.integers(1, 700) | st.integers(1, 9000), max_size=20),
-)
+@given(st.lists(poll, min_size=1, max_size=4), st.lists(st.none() | st.integers(1, 700), max_size=20))
 def test_no_value_gets_a_wrong_name(polls: list[Poll], delays: list[int | None]) -> None:
-    found = run(polls, delays, transactions=60 + sum(delay or 0 for delay in delays) // 50)
+    found = run(polls, delays)
     assert not wrong(found)
     assert found.ended[-1].error is None  # and it goes on where all respond in time
 
@@ -130,22 +127,6 @@ def test_the_next_request_leaves_as_soon_as_the_late_response_has_come() -> None
     sent = found.ended[1].sent
     assert sent is not None
     assert late.tick <= sent < late.tick + 10 * TICKS_PER_MS
-
-
-def test_a_response_later_than_that_is_known_by_the_one_behind_it() -> None:
-    found = run([A, B], [3000], transactions=60)
-    assert not wrong(found)
-    assert {frame.late.request for frame in found.foreign if frame.late} == {A.request, B.request}
-    assert not any(frame.taken for frame in found.foreign)
-    assert found.ended[-1].error is None
-
-
-def test_what_is_never_answered_is_doubted_once_and_takes_no_room() -> None:
-    dead = run([A, B], [None] * 3000, transactions=3000)
-    assert len(dead.master._unanswered) <= 11
-    found = run([A, B], [None, None], transactions=9)
-    times = [ended.end - ended.asked for ended in found.ended if ended.asked is not None]
-    assert [time >= TIMEOUT for time in times] == [True, True, True, *[False] * 6]
 
 
 def test_a_response_that_never_comes_is_waited_for_three_timeouts_or_a_second() -> None:
