@@ -145,15 +145,15 @@ class PortCheck:
     def is_echo(self, written: TransactionEnded) -> bool:
         """Whether what a write took is an echo, since its response equals it.
 
-        It is if it came before a station can have responded and a read of what was written comes back, too:
-        that is sent once, and its response cannot equal it. Nothing else may be under way.
+        It is if it came before a station can have responded (and the port have held that back) and a read of
+        what was written comes back, too: its response cannot equal it. Nothing else may be under way.
         """
         asked, end, wire = written.asked, written.answer_end, self._wire
         if written.error is not None or asked is None or end is None or wire.options.echo:
             return False
         function = _READ_BACK.get(written.request.function)
         chars = 0 if wire.instant else wire.timing.characters(self._framing.chars(_WRITE_ONE_SIZE))
-        if function is None or end - asked >= self._silence + chars:
+        if function is None or end - asked >= self._silence + chars + wire.options.tolerance:
             return False
         if self.found is None:
             self.found = self._comes_back(written.station, Request(function, written.request.address, 1))

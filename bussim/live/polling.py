@@ -18,7 +18,6 @@ from bussim.engines.modbus.events import (
 )
 from bussim.engines.modbus.polls import Poll
 from bussim.live.modbus import ModbusHandling
-from bussim.live.runner import spoiled
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +117,7 @@ class PollTurns(ModbusHandling):
             case TransactionEnded():
                 self._attempts.append(event)
                 failed = event.error is not None and not event.exception
-                if failed and spoiled(event.sent or now, now, self.late_at, self.late_by):
+                if failed and self.lateness.spoils(event.sent or now, now):
                     self._late.append(event)
             case FrameRejected():
                 self.count(event)

@@ -10,26 +10,19 @@ from bussim.engines.contract import OPEN, Engine, Transmit
 from bussim.engines.modbus.adu import RTU_MAX, Adu, Mode, decode_rtu
 from bussim.engines.modbus.slave import Slave
 from bussim.live.arrival import Timed
+from bussim.live.clock import Lateness
 from bussim.live.port import LivePort
 from bussim.live.wire import Wire
 from bussim.units import TICKS_PER_MS
 
 #: How long a step waits at most, so that a request to stop is noticed.
 PATIENCE = 50 * TICKS_PER_MS
-#: What is done so much later than it was due may have made an exchange fail (assumed).
-LATE = 10 * TICKS_PER_MS
-
-
-def spoiled(begun: int, ended: int, late_at: int, late_by: int) -> bool:
-    """Whether an exchange may have failed by lateness: a tenth of it or more, and within it (assumed)."""
-    return late_at >= begun and 10 * late_by >= ended - begun
 
 
 class Handling:
     """What happens to an engine's transmissions and events; to be overridden where more is wanted."""
 
-    #: When this computer was last late by more than :data:`LATE`, and by how much, in ticks.
-    late_at, late_by = -1, 0
+    lateness: Lateness
 
     def prepare(self, engine: Any, now: int) -> None:
         """Set the block that an N:N engine's next frame carries; the frame begins at ``now``."""
@@ -79,6 +72,7 @@ class EngineRunner:
         self._tolerance = wire.options.tolerance
         self._rtu = mode is Mode.RTU
         self._handling = handling or Handling()
+        self._handling.lateness = Lateness()
         self._pending: deque[tuple[int, int]] = deque()  # (when, counter) of transmissions that are due
         self._on_air = False
         self._open = bytearray()  # what is open, of RTU
@@ -121,8 +115,7 @@ class EngineRunner:
         self._note_lateness(self.clock.now())
 
     def _note_lateness(self, now: int) -> None:
-        if now - self._planned > LATE:
-            self._handling.late_at, self._handling.late_by = now, now - self._planned
+        self._handling.lateness.add(max(0, now - self._planned), now)
 
     # -- what is due ---------------------------------------------------------------------------
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
-from bussim.live.clock import Clock
-from bussim.live.runner import LATE, PATIENCE
+from bussim.live.clock import Clock, Lateness
+from bussim.live.runner import PATIENCE
 from bussim.live.waiting import wait
 from bussim.serve.bridge import Bridge
 from bussim.sim.kernel import Kernel
@@ -20,32 +19,6 @@ _MORE_CHUNKS = 4
 #: Lateness from which on it is reported, and how often at most.
 _VERY_LATE = TICKS_PER_SECOND // 10
 _REPORT_EVERY = 10 * TICKS_PER_SECOND
-
-
-@dataclass(slots=True)
-class Lateness:
-    """How much later than they were due things were done, in ticks."""
-
-    worst: int = 0
-    worst_at: int = 0
-    total: int = 0
-    count: int = 0
-    latest: int = -1  # when it was last more than :data:`bussim.live.runner.LATE`, and by how much
-    latest_by: int = 0
-
-    def add(self, late: int, now: int) -> None:
-        """Something was due ``late`` ticks before ``now``."""
-        if late > LATE:
-            self.latest, self.latest_by = now, late
-        self.total += late
-        self.count += 1
-        if late > self.worst:
-            self.worst, self.worst_at = late, now
-
-    @property
-    def mean(self) -> float:
-        """The mean, 0 where nothing was due."""
-        return self.total / self.count if self.count else 0.0
 
 
 class RealTime:

@@ -11,10 +11,9 @@ from typing import Any
 
 from bussim.line.characters import LineTiming
 from bussim.line.protocols import BusProtocol
-from bussim.live.clock import Clock
+from bussim.live.clock import LATE, Clock, Lateness
 from bussim.live.echo import RETURNS
 from bussim.live.options import PortOptions
-from bussim.live.runner import LATE, spoiled
 from bussim.live.wire import Wire
 from bussim.results.collector import Collector, Rows
 from bussim.results.meters.link import LinkRecord, Pairs
@@ -25,7 +24,7 @@ from bussim.scenario.rules.buses import NO_MASTER
 from bussim.serve.bridge import Bridge
 from bussim.serve.external_lines import ExternalLinkBus, ExternalSerialBus
 from bussim.serve.late_responses import LateResponses
-from bussim.serve.loop import Lateness, RealTime
+from bussim.serve.loop import RealTime
 from bussim.serve.targets import DIVISIBLE, Target
 from bussim.sim.kernel import Kernel
 from bussim.sim.nn.bus import LinkBus
@@ -120,8 +119,7 @@ class _SimulatedOnly(Collector):
         if isinstance(record, TransactionRecord | PollRecord) and record.bus in self.served:
             begun = record.sent if isinstance(record, TransactionRecord) else record.start
             failed = record.error is not None and not getattr(record, "exception", 0)
-            late = self.lateness
-            if failed and begun is not None and spoiled(begun, record.end, late.latest, late.latest_by):
+            if failed and begun is not None and self.lateness.spoils(begun, record.end):
                 self.uncounted += isinstance(record, TransactionRecord)
                 self._keep(record)
                 return
