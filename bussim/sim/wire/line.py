@@ -49,6 +49,7 @@ class Line(Cable):
         self._tails: list[Transmission] = []
         #: Frames that are over, in that order, from the first on whose driver is still on.
         self._unrecorded: list[Transmission] = []
+        self._written: tuple[LineTiming, str, float] | None = None  # the latest timing, as records have it
         #: Drivers that are on: frames, jabber, and tails of late release.
         self.drivers = 0
         self._busy_since = 0
@@ -380,6 +381,9 @@ class Line(Cable):
 
     def _write(self, tx: Transmission) -> None:
         frame, timing = tx.frame, tx.timing
+        written = self._written
+        if written is None or timing is not written[0]:
+            written = self._written = timing, str(timing.format), float(timing.ppm)
         station, counter = (None, None) if frame is None else self._numbers(frame)
         self.sink.take(
             FrameRecord(
@@ -399,8 +403,8 @@ class Line(Cable):
                 cut=tx.cut,
                 protocol=self.protocol_of(tx.sender),
                 baud=timing.baud,
-                format=str(timing.format),
-                ppm=float(timing.ppm),
+                format=written[1],
+                ppm=written[2],
                 released=tx.released,
                 pauses=tx.pauses,
             )
