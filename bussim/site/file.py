@@ -229,11 +229,10 @@ class _Reader:
             form.started,
             form.ladder,
             frozenset(form.symptoms),
-            tuple(self.notes),
         )
         if not report.errors:
             self._check_against_scans(made)
-        return made
+        return replace(made, notes=tuple(self.notes))
 
     def _check_settings(self, stations: Sequence[Station], along: int) -> None:
         """Note where what was read, or the number of stations, is not what the settings say."""
@@ -305,7 +304,7 @@ class _Reader:
                 break
 
     def _check_against_scans(self, made: Readout) -> None:
-        """No more is counted than there were scans: of a slave one a scan, of the master one a frame."""
+        """Report or note more counts than scans: of a slave one each, of the master one a frame."""
         link, ladder = SiteLink.of(made), made.ladder
         scans = made.watched / link.healthy
         if ladder is not None and ladder.thresholds_ms[0] <= (healthy := link.units(link.healthy)):
@@ -318,12 +317,15 @@ class _Reader:
         for index, station in enumerate(made.stations):
             for about in range(made.settings.slaves + 1):
                 most = scans if about else scans * (1 + made.settings.slaves * link.n)
-                if (count := station.exact(about) or 0) > most + START:
-                    name = f"D{COUNT + about}"
-                    own = next(mine for mine, common in self.names.items() if common == name)
-                    text = f"counts {count} while it was watched, which is {scans:.0f} scans; "
-                    hint = "if it counts since an earlier start, give before"
-                    self.report.error(("stations", index, "after", own), f"{text}{hint}")
+                if (count := station.exact(about) or 0) <= most + START:
+                    continue
+                name = f"D{COUNT + about}"
+                own = next(mine for mine, common in self.names.items() if common == name)
+                text = f"counts {count} while it was watched, which is {scans:.0f} scans"
+                if station.before or not station.supposed:
+                    self.report.error(("stations", index, "after", own), text)
+                else:  # a slave may have run before the master's last start
+                    self.notes.append(f"{station.label}: {own} {text}: it counts from before; give before")
 
     # -- a calibration -----------------------------------------------------------------------------
 

@@ -135,6 +135,15 @@ def test_where_failures_may_come_together_lower_limits_allow_for_it(tmp_path: Pa
     assert steady.low == pytest.approx((poisson_mean(38)[0] / 18_000) ** 0.25, rel=0.08)
 
 
+def test_counts_of_onsets_limit_nothing_in_bursts(tmp_path: Path) -> None:
+    data = healthy() | {"ladder": {"thresholds_ms": [70, 101, 125], "rises": [900, 90, 90]}}
+    data["profile"] = {"base": "pw10", "error_count": "on_edge"}
+    seen(data, 0, D8204=40, D8212=4)
+    assert of(data, tmp_path).fails[1].high == 1.0
+    data["ladder"]["rises"] = [900, 90, 8]
+    assert of(data, tmp_path).fails[1].high < 0.3
+
+
 def test_scans_shorter_than_the_law_allows_are_said_and_counted_with(tmp_path: Path) -> None:
     """With mode 4 entered a scan takes 167 ms, and 67 were seen: D8202 = 67 bounds nothing."""
     data = healthy()

@@ -153,7 +153,9 @@ def _fails(found: Measured, k: int, least: list[float], damage: tuple[float, flo
         low = min(max(lowest, least[k - 1]), lens.high)
         share = ladder.value / link.settings.slaves if ladder is not None else low
         value = max(share, low) if bursts == "seen" else max(lens.value, low)
-        return Fails(min(value, lens.high), low, lens.high, "M")
+        # Of failures that come together a count of onsets tells the least only.
+        high = 1.0 if bursts == "seen" and link.model.error_count.on_edge else lens.high
+        return Fails(min(value, lens.high), low, high, "M")
     limits = {"M": lens.high} if lens is not None else {}
     if bursts != "seen" and (bounds := found.named("X")):
         # At one station alone, the same longest scan leaves so much more.
