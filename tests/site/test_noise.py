@@ -135,6 +135,38 @@ def test_where_failures_may_come_together_lower_limits_allow_for_it(tmp_path: Pa
     assert steady.low == pytest.approx((poisson_mean(38)[0] / 18_000) ** 0.25, rel=0.08)
 
 
+def test_damage_of_the_masters_frames_alone_is_entered_at_its_driver(tmp_path: Path) -> None:
+    """300 of its frames in 18,000 scans, and no reply: 1.3e-5 to 2.9e-5 at 690 bits; a poll has 50 of them."""
+    data = healthy()
+    data["settings"]["retries"] = 0
+    for number in (1, 2, 3):
+        seen(data, number, D8203=300, D8211=14)
+    seen(data, 0, D8204=15, D8205=14, D8206=16, D8212=1, D8213=1, D8214=1)
+    found = of(data, tmp_path)
+    assert found.entries() == [
+        {"bus": "link", "station": "press", "direction": "tx", "ber": pytest.approx(2.4e-5, rel=0.1)}
+    ]
+    assert found.fails[1].low <= 50 * 2.4e-5 <= found.fails[1].high
+    assert "the master's own frames are" in found.unexplained[0]
+
+
+def test_what_a_station_misses_alone_is_of_replies_that_came(tmp_path: Path) -> None:
+    """At D8179 = 0 half of the replies are damaged on the wire: of the other half each tenth is missed by lift alone."""
+    data = healthy()
+    data["settings"]["retries"] = 0
+    for number in (1, 2, 3):
+        seen(data, number, D8203=7000, D8211=14)
+    for number in (0, 1, 3):
+        seen(data, number, **{f"D{8203 + k}": 5000 for k in (1, 3) if k != number})
+    seen(data, 2, D8204=5300, D8206=5300)
+    found = of(data, tmp_path).measured
+    wire, own = found.of("S", 1), found.of("L", 2)
+    assert wire is not None
+    assert own is not None
+    came = (1 - wire.value) ** (540 + 50)
+    assert own.value == pytest.approx(300 / found.scans[1] / came / 540, rel=0.05)
+
+
 def test_counts_of_onsets_limit_nothing_in_bursts(tmp_path: Path) -> None:
     data = healthy() | {"ladder": {"thresholds_ms": [70, 101, 125], "rises": [900, 90, 90]}}
     data["profile"] = {"base": "pw10", "error_count": "on_edge"}

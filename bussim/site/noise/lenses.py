@@ -88,7 +88,8 @@ def measure(readout: Readout, link: SiteLink) -> Measured:
     listeners = (_slaves, _missed) if "listeners" not in readout.profile.open else ()
     for _ in range(6):
         found.lenses = [*_masters(witness, found), *_ladder(witness, found)]
-        found.lenses += [lens for lens_of in listeners for lens in lens_of(witness, found)]
+        for lens_of in listeners:
+            found.lenses += [*lens_of(witness, found)]
         before, found.scans = found.scans, _scans(witness, found)
         if abs(before[0] - found.scans[0]) < 0.5:
             break
@@ -185,6 +186,9 @@ def _missed(witness: Witness, found: Measured) -> Iterable[Lens]:
     the lower limit, and in the upper one.
     """
     link = found.link
+    wire = min((lens.value for lens in found.named("S")), default=0.0)
+    # Only of a reply that some attempt brings whole to the others can one station alone miss it.
+    whole = 1 - link.attempt(SteadyNoise(wire))[0].failed ** link.n
     for station in witness.listeners:
         j, total, seen, all_ = station.supposed, 0, 0, 0
         for k in witness.numbers:
@@ -195,8 +199,8 @@ def _missed(witness: Witness, found: Measured) -> Iterable[Lens]:
         if not total:
             continue
         # Stations are read one after the other, so that counts differ a little.
-        value, low, _ = (rate / total for rate in _rates(found, seen, fewer=START))
-        rates = value, low, _rates(found, all_)[2] / total
+        value, low, _ = (rate / total / whole for rate in _rates(found, seen, fewer=START))
+        rates = value, low, _rates(found, all_)[2] / total / whole
         value, low, high = _inverted(lambda ber: link.damaged(ber, link.data_bits), rates, _WORST)
         reading = f"{seen} missed by {station.place} alone"
         tells, rests = "BER: its receiver alone", "how listeners count"

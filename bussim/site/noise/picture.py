@@ -77,18 +77,29 @@ def picture(readout: Readout, link: SiteLink) -> Picture:
     wires = (_wire(found, lens) for lens in found.named("S"))
     wire = min(wires, key=lambda one: one[2], default=(0.0, 0.0, 0.0))
     own = {int(lens.station or 0): lens for lens in found.named("L") if lens.count}
-    value, low, high = (
-        SteadyNoise(ber, {j: getattr(lens, key) for j, lens in own.items()})
-        for ber, key in zip(wire, ("value", "low", "high"), strict=True)
-    )
-    # By the damage that slaves count, of each station.
-    middle, least, most = ([each.failed for each in link.attempt(noise)] for noise in (value, low, high))
+    masters = [lens for k in range(1, link.settings.slaves + 1) if (lens := found.of("M", k)) is not None]
+    for alone in (False, True):
+        value, low, high = (
+            SteadyNoise(
+                0.0 if alone else ber,
+                {j: getattr(lens, key) for j, lens in own.items()},
+                {0: ber} if alone else {},
+            )
+            for ber, key in zip(wire, ("value", "low", "high"), strict=True)
+        )
+        # By the damage that slaves count, of each station; of the wire replies would suffer as well.
+        middle, least, most = ([each.failed for each in link.attempt(noise)] for noise in (value, low, high))
+        if not masters or any(lens.high >= least[int(lens.station or 0) - 1] for lens in masters):
+            break
     numbers, bursts = range(1, link.settings.slaves + 1), _bursts(readout, found)
     if bursts != "not seen":
         least = [min(each, _least_in_bursts(found)) for each in least]
     fails = {k: _fails(found, k, least, (middle[k - 1], most[k - 1]), bursts) for k in numbers}
     unexplained = []
-    senders, lost = {}, {}
+    senders, lost = dict(value.senders), {}
+    if alone:
+        text = "replies are damaged less often than noise on the wire would: the master's own frames are"
+        unexplained.append(f"{text} ({masters[0].reading})")
     for k in numbers:
         lens = found.of("M", k)
         if lens is None or not lens.count or lens.low <= most[k - 1]:
