@@ -29,14 +29,7 @@ class Cause(StrEnum):
 
 
 #: Causes to mend before counts tell of noise.
-BROKEN = (
-    Cause.STATION_OFF,
-    Cause.CABLE_CUT,
-    Cause.WRONG_FORMAT,
-    Cause.NUMBER_TWICE,
-    Cause.TWO_MASTERS,
-    Cause.SLOW_REPLY,
-)
+BROKEN = [*Cause][: [*Cause].index(Cause.NOISE_RECEIVER)]
 #: What each is, in words; ``{at}`` is the station.
 MEANINGS = {
     Cause.STATION_OFF: "{at} is off or in STOP",
@@ -63,45 +56,42 @@ _GROUPS = {
 _NUMBERS = "read D8176 in every cabinet, and D8173, which is in force"
 #: What tells the causes of a pair from each other.
 _SEPARATES = {
-    frozenset((Cause.NOISE_WIRE, Cause.NOISE_BURSTS)): (
+    (Cause.NOISE_WIRE, Cause.NOISE_BURSTS): (
         "count with the ladder: rises to its third threshold tell bursts from steady noise"
     ),
-    frozenset((Cause.NOISE_SENDER, Cause.REPLIES_LOST)): (
+    (Cause.NOISE_SENDER, Cause.REPLIES_LOST): (
         "look at that station's code (D8211 + k) several times: 04 is damage, 01 no reply; or count with the "
         "ladder, whose second threshold only silence reaches"
     ),
-    frozenset((Cause.WAS_AWAY, Cause.HEALTHY)): (
+    (Cause.WAS_AWAY, Cause.HEALTHY): (
         "read all stations again after 10 minutes: a late power-up adds no more counts"
     ),
-    frozenset((Cause.MASTER_AWAY, Cause.HEALTHY)): (
+    (Cause.MASTER_AWAY, Cause.HEALTHY): (
         "read D8203 of the slaves again later: it does not climb while the master stays in RUN"
     ),
-    frozenset((Cause.SLOW_REPLY, Cause.NOISE_SENDER)): (
+    (Cause.SLOW_REPLY, Cause.NOISE_SENDER): (
         "look at D8201 several times: a late reply lengthens every scan, noise some of them"
     ),
-    frozenset((Cause.CABLE_CUT, Cause.WRONG_FORMAT)): (
+    (Cause.CABLE_CUT, Cause.WRONG_FORMAT): (
         "look at the RD lamp of that station: dark beyond a cut, flickering with a wrong format"
     ),
-    frozenset((Cause.CABLE_CUT, Cause.STATION_OFF)): (
-        "look at the RUN and RD lamps of the stations that do not reply"
-    ),
-    frozenset((Cause.NOISE_WIRE, Cause.NOISE_SENDER)): (
+    (Cause.STATION_OFF, Cause.CABLE_CUT): "look at the RUN and RD lamps of the stations that do not reply",
+    (Cause.NOISE_WIRE, Cause.NOISE_SENDER): (
         "read D8204 to D8210 of the slaves at D8179 = 0, or swap the master's board: of what is on the wire "
         "replies suffer as well"
     ),
-    frozenset((Cause.NOISE_WIRE, Cause.NOISE_RECEIVERS)): (
+    (Cause.NOISE_WIRE, Cause.NOISE_RECEIVERS): (
         "compare D8203 of all slaves after some hours: equal counts are on the wire"
     ),
-    frozenset((Cause.NUMBER_TWICE, Cause.SLOW_REPLY)): _NUMBERS,
-    frozenset((Cause.NUMBER_TWICE, Cause.TWO_MASTERS)): _NUMBERS,
+    (Cause.NUMBER_TWICE, Cause.SLOW_REPLY): _NUMBERS,
+    (Cause.NUMBER_TWICE, Cause.TWO_MASTERS): _NUMBERS,
 }
-_NOISE = (
-    Cause.NOISE_WIRE,
-    Cause.NOISE_BURSTS,
-    Cause.NOISE_RECEIVER,
-    Cause.NOISE_RECEIVERS,
-    Cause.NOISE_SENDER,
-)
+#: The same for a cause and any other.
+_ANY = {
+    Cause.STATION_OFF: "put that station into RUN and read all again: what is left has another cause",
+    Cause.HEALTHY: "let counts come: bussim site --plan says how long with which reading",
+}
+_NOISE = tuple(cause for cause in Cause if cause.value.startswith("noise"))
 #: With which causes a symptom goes.
 _SYMPTOMS = {
     "when_drive_runs": _NOISE,
@@ -178,11 +168,6 @@ class Tally:
 
 def separating(one: Finding, two: Finding) -> str:
     """The reading that tells two findings apart."""
-    pair = frozenset((one.cause, two.cause))
-    if Cause.STATION_OFF in pair and pair not in _SEPARATES:
-        return "put the station that is off into RUN and read all again: what is left is another cause"
-    if Cause.HEALTHY in pair:
-        return _SEPARATES.get(pair, "let counts come: bussim site --plan says how long with which reading")
-    return _SEPARATES.get(
-        pair, "read all stations again after 10 minutes and give both readings (before, after)"
-    )
+    pair = one.cause, two.cause
+    found = _SEPARATES.get(pair) or _SEPARATES.get(pair[::-1]) or _ANY.get(pair[0]) or _ANY.get(pair[1])
+    return found or "read all stations again after 10 minutes and give both readings (before, after)"

@@ -115,8 +115,7 @@ def _bursts(w: Witness, tally: Tally, count: float) -> None:
         if chance < _UNLIKELY:
             text = f"D8202 is {longest} or more at all stations read, for which steady noise has a chance of"
             found.append(f"{text} {chance:.1g}")
-    silent = [s for s in w.listeners if s.code(0) == codes.MASTER_SILENT]
-    if silent and len(silent) == len(w.listeners):
+    if w.all_missed:
         found.append("code 11 at every slave, beside damaged frames")
     if w.bursts == "seen":
         found.append("the ladder counts more scans with several failures than chance makes")
@@ -178,8 +177,7 @@ def _healthy(w: Witness, tally: Tally, most: int) -> None:
     gone = any(w.deaf(s) or s.halted for s in w.readout.stations)
     if w.flagged or gone or most > START or (w.master is None and not w.listeners):
         return
-    tellers = (*w.listeners, *((w.master,) if w.master else ()))
-    if all(s.count(k) is None for s in tellers for k in w.numbers):
+    if all(s.count(k) is None for s in w.tellers for k in w.numbers):
         pass  # not read is not 0
     elif all(w.by_master(k) <= START for k in w.numbers):
         tally.add(Cause.HEALTHY, None, 3, f"no station is counted more than {START} times, and no flag is on")
@@ -190,8 +188,7 @@ def _healthy(w: Witness, tally: Tally, most: int) -> None:
         tally.add(Cause.HEALTHY, None, 1, why)
     else:
         tally.add(Cause.HEALTHY, None, -2, "there are counts that no start explains")
-    silent = [s for s in w.listeners if s.code(0) == codes.MASTER_SILENT]
-    if silent and len(silent) == len(w.listeners):
+    if w.all_missed:
         tally.add(Cause.HEALTHY, None, -2, "code 11 at every slave: no start leaves that")
     if most:
         tally.add(

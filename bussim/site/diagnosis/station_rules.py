@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from bussim.engines.nn import codes
 from bussim.site.diagnosis.causes import Cause, Tally
 from bussim.site.diagnosis.witness import Witness
@@ -72,25 +74,23 @@ def _numbers(w: Witness, tally: Tally) -> None:
 
 def _off(w: Witness, tally: Tally, k: int) -> None:
     """A slave that is off or in STOP is silent for all."""
-    named = w.readout.at(k)
+    named, add = w.readout.at(k), partial(tally.add, Cause.STATION_OFF, k)
     if named is not None and named.halted:
-        tally.add(Cause.STATION_OFF, k, 8, f"{named.place} was found in the state {named.state}")
+        add(8, f"{named.place} was found in the state {named.state}")
     if w.master is None or not w.master.flag(k) or w.master.code(k) != codes.NO_REPLY:
         return
     if named is None:
-        why = f"no station {k} was found, and it is polled: is D8177 = {w.numbers[-1]} right?"
-        tally.add(Cause.STATION_OFF, k, 5, why)
+        add(5, f"no station {k} was found, and it is polled: is D8177 = {w.numbers[-1]} right?")
     elif not named.read and named.state == "unread":
-        tally.add(Cause.STATION_OFF, k, 5, f"nothing was read at {named.place}")
+        add(5, f"nothing was read at {named.place}")
     others = [other for j in w.by_slaves(k) if (other := w.readout.at(j)) is not None]
     agree = [other for other in others if other.flag(k) and other.code(k) == codes.NOT_IN_NETWORK]
     slaves = f"{len(agree)} of {counted(len(others), 'slave')}"
     why = f"M{FLAG + k} is on with code 01 at the master, with 21 at {slaves}"
-    tally.add(Cause.STATION_OFF, k, 2 if len(agree) == len(others) else 0.5, why)
+    add(2 if len(agree) == len(others) else 0.5, why)
     if named is not None and named.state == "run":
         lamp = named.rd == "flickers"
-        why = f"but {named.place} is in RUN{' and its RD lamp flickers' if lamp else ''}"
-        tally.add(Cause.STATION_OFF, k, -5 if lamp else -3, why)
+        add(-5 if lamp else -3, f"but {named.place} is in RUN{' and its RD lamp flickers' if lamp else ''}")
 
 
 def _deaf(w: Witness, tally: Tally) -> None:
@@ -109,31 +109,27 @@ def _deaf(w: Witness, tally: Tally) -> None:
     for first, beyond in ends:
         if not {*found} <= {*beyond} <= away:
             continue
-        at = number.get(first)
         why = "; ".join(f"{place}: {reason}" for place, reason in found.items())
-        tally.add(
-            Cause.CABLE_CUT, at, 5 + (len(found) > 1), f"all beyond hear nothing, all others do ({why})"
-        )
+        cut = partial(tally.add, Cause.CABLE_CUT, number.get(first))
+        cut(5 + (len(found) > 1), f"all beyond hear nothing, and no other ({why})")
         if dark:
-            tally.add(Cause.CABLE_CUT, at, 3, f"the RD lamp is dark at {', '.join(dark)}")
+            cut(3, f"the RD lamp is dark at {', '.join(dark)}")
         if flickers:
-            tally.add(Cause.CABLE_CUT, at, -6, f"but the RD lamp flickers at {', '.join(flickers)}")
+            cut(-6, f"but the RD lamp flickers at {', '.join(flickers)}")
     if len(found) == 1:
         place, reason = next(iter(found.items()))
-        why = f"{place} alone hears nothing ({reason}); 7E2 for 7E1 would leave no trace"
-        tally.add(Cause.WRONG_FORMAT, number[place], 4, why)
+        wrong = partial(tally.add, Cause.WRONG_FORMAT, number[place])
+        wrong(4, f"{place} alone hears nothing ({reason}); 7E2 for 7E1 would leave no trace")
         if flickers:
-            tally.add(
-                Cause.WRONG_FORMAT, number[place], 4, f"the RD lamp of {place} flickers: signals arrive"
-            )
+            wrong(4, f"the RD lamp of {place} flickers: signals arrive")
         if dark:
-            tally.add(Cause.WRONG_FORMAT, number[place], -4, f"but the RD lamp of {place} is dark")
+            wrong(-4, f"but the RD lamp of {place} is dark")
 
 
 def _late_replies(w: Witness, tally: Tally, k: int) -> None:
     """A late reply collides with what follows, or is taken for that of another poll."""
     named = w.readout.at(k)
-    for station in (*w.listeners, *((w.master,) if w.master else ())):
+    for station in w.tellers:
         if station.code(k) in _ELSEWHERE:
             why = f"{station.place} has code {station.code(k):02X} about station {k}, a reply to another poll"
             tally.add(Cause.SLOW_REPLY, k, 5, why)
@@ -144,12 +140,9 @@ def _late_replies(w: Witness, tally: Tally, k: int) -> None:
     most = max(w.by_master(k), *w.by_slaves(k).values(), 0)
     scans = w.readout.watched / max(w.link.healthy, (w.master.value("D8201") or 0) * w.link.model.unit)
     if w.master.flag(k) and named.value("M8191") and min(told) > START and most > _OFTEN * scans:
-        why = (
-            f"M{FLAG + k} is on, but {named.place} takes part (M8191 on) and the others count {min(told)} to "
-        )
-        tally.add(
-            Cause.SLOW_REPLY, k, 8, f"{why}{max(told)} about the master: its replies come late, and collide"
-        )
+        why = f"M{FLAG + k} is on, but {named.place} takes part (M8191 on) and the others count "
+        late = f"{min(told)} to {max(told)} about the master: its replies come late, and collide"
+        tally.add(Cause.SLOW_REPLY, k, 8, why + late)
 
 
 def _slow_scans(w: Witness, tally: Tally) -> None:
@@ -175,37 +168,31 @@ def _away(w: Witness, tally: Tally) -> None:
     absent = [k for k in w.numbers if w.absent(k)]
     for k in absent:
         named, told, most = w.readout.at(k), w.by_slaves(k), w.by_master(k)
-        tally.add(Cause.WAS_AWAY, k, 4, w.absent(k))
-        missed = [s for s in w.listeners if s.code(0) == codes.MASTER_SILENT]
-        if named in missed and len(missed) < len(w.listeners):
-            why = f"{named.place} missed the master (code 11): it was on, and cut off"
-            tally.add(Cause.WAS_AWAY, k, 4, why)
+        away = partial(tally.add, Cause.WAS_AWAY, k)
+        away(4, w.absent(k))
+        if named in w.missed_master and not w.all_missed:
+            away(4, f"{named.place} missed the master (code 11): it was on, and cut off")
         if named is not None and named.code(k) == codes.NO_PARAMETERS:
-            why = f"{named.place} was polled before it had parameters (its own code 31)"
-            tally.add(Cause.WAS_AWAY, k, 0.5, why)
+            away(0.5, f"{named.place} was polled before it had parameters (its own code 31)")
         after = [j for j in told if w.by_master(j) > START and abs(told[j] - most) <= START]
         if after:
-            why = f"station {after[0]}, itself late, counts {told[after[0]]} too: it was away afterwards"
-            tally.add(Cause.WAS_AWAY, k, 4, why)
-        elif w.staggered and len(absent) > 1 and named not in missed:
-            why = "all counts would also follow from power-up one after the other"
-            tally.add(Cause.WAS_AWAY, k, -2, why)
+            away(4, f"station {after[0]}, itself late, counts {told[after[0]]} too: it was away afterwards")
+        elif w.staggered and len(absent) > 1 and named not in w.missed_master:
+            away(-2, "all counts would also follow from power-up one after the other")
 
 
 def _master_away(w: Witness, tally: Tally) -> None:
     """Every slave misses a master that is away, once."""
-    master = w.readout.at(0)
+    master, add = w.readout.at(0), partial(tally.add, Cause.MASTER_AWAY, 0)
     if master is not None and master.halted:
-        tally.add(Cause.MASTER_AWAY, 0, 8, f"{master.place} was found in the state {master.state}")
+        add(8, f"{master.place} was found in the state {master.state}")
     silent = [s for s in w.heard if s.code(0) == codes.MASTER_SILENT]
     now = [s.place for s in silent if s.flag(0)]
     once = max((s.count(0) or 0 for s in silent), default=0)
     if silent and len(silent) < len([s for s in w.heard if not s.halted]):
-        why = f"code 11 at {len(silent)} of {counted(len(w.heard), 'slave')} only"
-        tally.add(Cause.MASTER_AWAY, 0, -3, why)
+        add(-3, f"code 11 at {len(silent)} of {counted(len(w.heard), 'slave')} only")
     elif now and master is not None and master.state == "run" and master.value("M8191"):
-        why = f"M8183 is on at {', '.join(now)}, but the master is in RUN"
-        tally.add(Cause.MASTER_AWAY, 0, -2, why)
+        add(-2, f"M8183 is on at {', '.join(now)}, but the master is in RUN")
     elif silent:
-        why = f"code 11 about the master at every slave read ({once} counts at most)"
-        tally.add(Cause.MASTER_AWAY, 0, 6 if now or once <= START else 2, why)
+        why = f"code 11 about the master at every slave read ({counted(once, 'count')} at most)"
+        add(6 if now or once <= START else 2, why)

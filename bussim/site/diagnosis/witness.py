@@ -44,6 +44,21 @@ class Witness:
         return tuple(station for station in self.heard if not self.deaf(station) and not station.halted)
 
     @cached_property
+    def tellers(self) -> tuple[Station, ...]:
+        """The slaves that take part, and the master where it was read."""
+        return (*self.listeners, *((self.master,) if self.master else ()))
+
+    @cached_property
+    def missed_master(self) -> tuple[Station, ...]:
+        """The slaves that take part and once heard nothing of the master (code 11)."""
+        return tuple(s for s in self.listeners if s.code(0) == codes.MASTER_SILENT)
+
+    @property
+    def all_missed(self) -> bool:
+        """Whether each slave that takes part missed the master."""
+        return bool(self.listeners) and len(self.missed_master) == len(self.listeners)
+
+    @cached_property
     def stopped(self) -> bool:
         """Whether the master does not work now."""
         master = self.readout.at(0)
@@ -137,9 +152,7 @@ class Witness:
         most = self.by_master(about) if self.master is not None else max(told.values())
         if most <= START or named is None or (self.master is not None and self.master.flag(about)):
             return ""
-        tellers = [
-            s for j in told if told[j] and (s := self.readout.at(j)) is not None and s.after is not None
-        ]
+        tellers = [s for j in told if told[j] and (s := self.readout.at(j)) is not None]
         silent = [s for s in tellers if s.code(about) in (codes.NO_REPLY, codes.NOT_IN_NETWORK, None)]
         own, heard = named.value("D8202"), self.about_master
         rest = [count for j, count in heard.items() if j != about]
@@ -168,8 +181,7 @@ class Witness:
     @cached_property
     def looks(self) -> list[int]:
         """All looks at D8201 of the stations that take part."""
-        read = (*self.listeners, *((self.master,) if self.master else ()))
-        return [look for station in read for look in station.after.looks if look]
+        return [look for station in self.tellers for look in station.after.looks if look]
 
     @property
     def always_long(self) -> bool:
@@ -191,9 +203,7 @@ class Witness:
     @cached_property
     def least_longest(self) -> int | None:
         """The least D8202 of the stations that take part: what was seen after all had joined."""
-        told = [
-            station.value("D8202") for station in (*self.listeners, *((self.master,) if self.master else ()))
-        ]
+        told = (station.value("D8202") for station in self.tellers)
         return min((longest for longest in told if longest), default=None)
 
     def scans(self, ber: float, ticks: int | None = None) -> float:
