@@ -232,3 +232,44 @@ def test_counts_that_were_not_read_are_no_zeros(tmp_path: Path) -> None:
     data["settings"]["retries"] = 0
     damaged(data, 300, 300, 300)
     assert "noise_sender" not in {one.cause.value for one in found(data, tmp_path).causes[:1]}
+
+
+def test_a_dead_station_beside_noise_on_the_wire_is_no_burst(tmp_path: Path) -> None:
+    data = healthy()
+    lost(data, 2, state="off")
+    del data["stations"][2]["after"]
+    for number in (0, 1, 3):
+        seen(data, number, D8201=261, D8202=330)
+    for number in (1, 3):
+        seen(data, number, D8203=30, D8211=14)
+    causes = [one.cause.value for one in found(data, tmp_path).causes]
+    assert causes[:2] == ["station_off", "noise_wire"]
+    evidence = " ".join(why for one in found(data, tmp_path).causes for why in one.evidence)
+    assert "D8202 is" not in evidence
+    assert "station errors that all saw" not in evidence
+
+
+def test_a_station_that_all_count_for_noise_was_not_late(tmp_path: Path) -> None:
+    """Lift sends badly all the time; saw came after 3 scans and counts lift as the others do."""
+    data = healthy()
+    data["settings"]["retries"] = 0
+    for number in (0, 1, 3):
+        seen(data, number, D8205=509, D8213=4, D8202=139)
+    for number in (0, 1, 2):
+        seen(data, number, D8206=3, D8214=21 if number else 1, D8202=234)
+    told = found(data, tmp_path).causes
+    assert "it was away afterwards" not in " ".join(why for one in told for why in one.evidence)
+    assert told[0].cause.value == "noise_sender"
+
+
+def test_strong_noise_is_on_the_wire_although_approximations_differ(tmp_path: Path) -> None:
+    """A bit error rate of 5.7e-4 at D8179 = 1, as a run of 300 s left it: 833 errors where 1,100 are expected."""
+    data = healthy() | {"watched": "300 s"}
+    data["settings"]["retries"] = 1
+    damaged(data, 1130, 1119, 1119)
+    for number, station in enumerate(data["stations"]):
+        for k, count in ((1, 270), (2, 270), (3, 290)):
+            if k != number:
+                station["after"] |= {f"D{8203 + k}": count, f"D{8211 + k}": 4}
+        seen(data, number, D8202=279)
+    assert of(data, tmp_path)[1] in ("noise_wire", "noise_bursts")

@@ -16,6 +16,8 @@ from bussim.site.readout import START
 _UNLIKELY = 1e-2
 #: Below it a station's receiver misses nothing to speak of beside one that does.
 _QUIET = 0.05
+#: Of noise for all alike station errors are not so few beside what is expected, all approximations included.
+_FEW = 0.4
 #: Damaged frames of the master beside so many station errors are their fault, or both that of the line.
 _OFTEN = 0.3
 
@@ -95,7 +97,8 @@ def _bursts(w: Witness, tally: Tally, count: float) -> None:
     )
     counted = w.master is not None and all(w.master.exact(k) is not None for k in w.numbers)
     alike = counted and not tally.score(Cause.NOISE_RECEIVERS)
-    if alike and float(gammaincc(seen + 1, fewest)) < _UNLIKELY / 100:  # P(that many or fewer)
+    few = float(gammaincc(seen + 1, fewest)) < _UNLIKELY  # P(that many or fewer)
+    if alike and few and seen < _FEW * fewest:
         why = f"{seen} station errors that all saw; noise for all alike would give {fewest:.2g} at least"
         tally.add(Cause.NOISE_SENDER, 0, base + 1.5, f"the master's frames alone are damaged: {why}")
         why = "late replies would damage the master's frames alone, too"
@@ -109,7 +112,8 @@ def _bursts(w: Witness, tally: Tally, count: float) -> None:
             f"{seen} station errors that all saw; steady noise of this strength gives {expected:.2g}"
         )
     longest, law, since = w.least_longest, link.distribution(noise), w.readout.since
-    if longest is not None and law is not None and since is not None:
+    away = any(map(w.missing, w.numbers))  # which makes scans long by itself
+    if longest is not None and law is not None and since is not None and not away:
         tail = float(law.tail((longest - 0.5) * link.model.unit))
         chance = -expm1(w.scans(ber, since) * log1p(-min(tail, 1 - 1e-12)))
         if chance < _UNLIKELY:

@@ -174,7 +174,9 @@ def _away(w: Witness, tally: Tally) -> None:
             away(4, f"{named.place} missed the master (code 11): it was on, and cut off")
         if named is not None and named.code(k) == codes.NO_PARAMETERS:
             away(0.5, f"{named.place} was polled before it had parameters (its own code 31)")
-        after = [j for j in told if w.by_master(j) > START and abs(told[j] - most) <= START]
+        # Who came late itself is counted by those that were there, and not by this one, which was not.
+        late = [j for j in told if w.by_master(j) > START >= ((named and named.count(j)) or 0)]
+        after = [j for j in late if abs(told[j] - most) <= START]
         if after:
             away(4, f"station {after[0]}, itself late, counts {told[after[0]]} too: it was away afterwards")
         elif w.staggered and len(absent) > 1 and named not in w.missed_master:

@@ -168,7 +168,7 @@ class Witness:
 
     @cached_property
     def errors(self) -> dict[int, int]:
-        """Station errors since the last station joined, by slave; of one that was absent none can be told.
+        """Station errors since the last station joined, by slave; of one that was away none can be told.
 
         There are none where the least D8202 is below a scan with one.
         """
@@ -176,7 +176,7 @@ class Witness:
         least = link.healthy + link.n * (link.slot + link.model.quiet) - link.slot
         if longest is not None and (longest + 1) * link.model.unit < least:
             return dict.fromkeys(self.numbers, 0)
-        return {k: 0 if self.absent(k) else self.common(k) for k in self.numbers}
+        return {k: 0 if self.missing(k) else self.common(k) for k in self.numbers}
 
     @cached_property
     def looks(self) -> list[int]:
