@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from bussim.exact.sizing.sized import Sized, size
     from bussim.exact.solution import Exact, exact
     from bussim.scenario.model import Scenario
+    from bussim.scenario.yaml.edit import edit
     from bussim.site.result import SiteResult, site
     from bussim.sweep.result import SweepResult
     from bussim.sweep.run import sweep
@@ -48,6 +49,7 @@ __all__ = [
     "SweepResult",
     "UsageError",
     "__version__",
+    "edit",
     "exact",
     "fit",
     "load",
@@ -72,6 +74,7 @@ _HOMES = {
     "bussim.exact.sizing.sized": ("Sized", "size"),
     "bussim.exact.solution": ("Exact", "exact"),
     "bussim.scenario.model": ("Scenario",),
+    "bussim.scenario.yaml.edit": ("edit",),
     "bussim.site.result": ("SiteResult", "site"),
     "bussim.sweep.result": ("SweepResult",),
     "bussim.sweep.run": ("sweep",),

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import inf
 from typing import TYPE_CHECKING
 
 from bussim.errors import UsageError
 from bussim.scenario.model import Scenario
 from bussim.scenario.yaml.parser import core_scalar
 from bussim.units import format_time
+from bussim.wording import RawFloat, RawInt
 
 if TYPE_CHECKING:
     from yaml import SafeDumper, ScalarNode
@@ -31,16 +33,33 @@ def dumps(scenario: Scenario) -> str:
 
 def dumped(data: Mapping[str, object]) -> str:
     """Plain data as YAML; the same text for the same data, in the order of their keys."""
+    # The library leaves no choice between block and flow style but by depth: one line an entry of a list.
+    return _dump(data, flow=None, width=110)
+
+
+def dumped_inline(value: object) -> str:
+    """A plain value as YAML in one line, lists and mappings in brackets and braces."""
+    return _dump(value, flow=True, width=inf).removesuffix("\n").removesuffix("\n...")
+
+
+def _dump(data: object, *, flow: bool | None, width: float) -> str:
     import yaml
 
     class Dumper(yaml.SafeDumper):
         """A class of its own: what it learns is not for other users of the library."""
 
     Dumper.add_representer(str, _text)
-    # The library leaves no choice between block and flow style but by depth: one line an entry of a list.
+    Dumper.add_representer(RawInt, _number)
+    Dumper.add_representer(RawFloat, _number)
     return yaml.dump(
-        data, Dumper=Dumper, default_flow_style=None, sort_keys=False, allow_unicode=True, width=110
+        data, Dumper=Dumper, default_flow_style=flow, sort_keys=False, allow_unicode=True, width=width
     )
+
+
+def _number(dumper: SafeDumper, number: RawInt | RawFloat) -> ScalarNode:
+    """A number as it was written."""
+    kind = "int" if isinstance(number, int) else "float"
+    return dumper.represent_scalar(f"tag:yaml.org,2002:{kind}", number.raw)
 
 
 def _text(dumper: SafeDumper, text: str) -> ScalarNode:
