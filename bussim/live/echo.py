@@ -59,13 +59,9 @@ class Echo:
             return 2 * chars, 1  # once from the station
         return chars, _IN_A_ROW * (not self._wire.url.startswith(_PROGRAMS))
 
-    def unsent(self, count: int) -> None:
-        """The last ``count`` characters are not sent after all."""
+    def unsent(self, count: int = CHUNK) -> None:
+        """The last ``count`` characters will not come, all of them if none is given."""
         self._sent = self._sent[: max(0, len(self._sent) - count)]
-
-    def forget(self) -> None:
-        """Nothing of what was sent will come."""
-        self._sent = b""
 
     def without(self, data: bytes) -> bytes:
         """What was received, without what was sent."""

@@ -245,10 +245,10 @@ def _open(url: str, baud: int, fmt: CharFormat) -> serial.Serial:
         port.exclusive = True  # two programs on one port take each other's bytes away
     try:
         port.open()
-    except OSError:
+    except (OSError, ValueError) as error:
         _close(port)
-        raise
-    except ValueError as error:
+        if isinstance(error, OSError):
+            raise
         raise UsageError(
             f"{url} cannot be used with {baud} {fmt}: {error}{_control_hint(url, error)}"
         ) from error

@@ -129,7 +129,7 @@ class LivePort:
     def _forget(self) -> None:
         self._queue.clear()
         self._end = None
-        self.echo.forget()
+        self.echo.unsent()
 
     # -- listening -----------------------------------------------------------------------------
 

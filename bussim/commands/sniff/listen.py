@@ -14,8 +14,8 @@ from bussim.live.clock import Clock
 from bussim.live.endpoints import PortInUseError
 from bussim.live.runner import PATIENCE
 from bussim.live.stopping import Stopping
+from bussim.live.waiting import wait
 from bussim.live.wire import Wire
-from bussim.units import TICKS_PER_MS
 
 if TYPE_CHECKING:
     from bussim.line.characters import LineTiming
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
 #: Pictures of the table a second.
 _PICTURES = 4
-#: How long one side of a bridge is waited for before the other one has its turn.
-_TURN = TICKS_PER_MS // 4
 
 
 def listen(
@@ -86,21 +84,15 @@ def _open(wire: Wire) -> None:
 
 def _hear(wires: list[Wire], arrivals: Arrivals, listener: Recogniser, until: int) -> bool:
     """Wait for characters, at the longest up to a tick; hand them on where two wires are bridged."""
-    if len(wires) == 1:
-        data = wires[0].read(until)
+    clock, heard = wires[0].clock, False
+    wait(wires, clock, until)
+    for wire in wires:
+        data = wire.read(clock.now())
         if data:
-            listener.chars(arrivals.chunk(data, wires[0].clock.now()))
-        return bool(data)
-    clock = wires[0].clock
-    while clock.now() < until:
-        heard = False
-        for wire, other in (wires, wires[::-1]):
-            data = wire.read(min(until, clock.now() + _TURN))
-            if data:
-                arrived = clock.now()
-                other.write(data)
-                listener.chars(arrivals.chunk(data, arrived))
-                heard = True
-        if heard:
-            return True
-    return False
+            arrived = clock.now()
+            for other in wires:
+                if other is not wire:
+                    other.write(data)
+            listener.chars(arrivals.chunk(data, arrived))
+            heard = True
+    return heard
