@@ -18,9 +18,8 @@ def longest_responses(folder: Path) -> dict[str, float]:
     from bussim import api
 
     summary = api.open_run(folder).summary
-    masters = {**summary["ports"], **summary["devices"]}
     found = {}
-    for name, entry in masters.items():
+    for name, entry in (*summary["ports"].items(), *summary["devices"].items()):
         longest = entry.get("response_ms", {}).get("max")
         if longest is not None:
             found[name] = float(longest)

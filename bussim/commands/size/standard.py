@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 from bussim.commands.size.page import Detail, page_items
 from bussim.commands.size.uniform_link import DEFAULT_PROFILE, uniform_link
 from bussim.exact.sizing.sized import size
@@ -16,13 +14,13 @@ _FIRST = 4, 2
 
 
 def standard_page(
-    goals: Iterable[str],
+    goals: tuple[str, ...],
     lang: str,
     *,
     profile: str | None = None,
     scan: str | None = None,
     ber: float | None = None,
-    overrides: Iterable[str] = (),
+    overrides: tuple[str, ...] = (),
 ) -> str:
     """The page, with what each link is given as ``bussim size --stations N --mode M`` is.
 
@@ -31,7 +29,6 @@ def standard_page(
     name = profile or DEFAULT_PROFILE
     stations = range(2, MAX_SLAVES + 2)
     modes = PROFILES[name].modes if name in PROFILES else (0,)  # another name is refused below
-    goals, overrides = tuple(goals), tuple(overrides)
     items = [
         item
         for count in stations

@@ -98,6 +98,7 @@
     const notes = [...(item.polls ?? []).map(([name, device, least, most]) => ({ text: word("response", { name, device, least: time(least), most: time(most) }) })),
       ...item.unmet.map((goals) => ({ text: word(goals.length > 1 ? "conflict" : "unmet", { goals: goals.join(word("comma")) }) })),
       ...item.remedies.map((text) => { const own = solver(text); return { ...own, text: word("remedy", own) }; }),
+      ...(item.beside ?? []).map((form) => ({ text: word("beside", { form }) })),
       ...item.notes.map(solver)];
     get("notes-part").hidden = !notes.length;
     list("notes", notes);
@@ -140,6 +141,7 @@
         .filter(([x, y]) => x !== null && y !== null).map(([x, y, row]) => [x, Math.max(y, FLOOR), row]);
     }
     draw() {
+      if (!item.valid) return;
       this.data.description = word("trade.text", { setting: setting() });
       const most = Math.max(1, ...this.dots().map(([x]) => x)) * 1.08, step = 10 ** Math.floor(Math.log10(most));
       this.whole = [0, [1, 1.5, 2, 3, 4, 5, 6, 8, 10].map((times) => times * step).find((at) => at >= most)];
@@ -212,7 +214,7 @@
     get("curve").hidden = !item.over;
     const plainly = !item.valid;
     for (const id of ["tiles", "strip", "details", "trade", "use", "least"]) get(id).hidden = plainly;
-    for (const key of ["retries", "timeout", "noise"]) get(`${key}-part`).hidden = plainly;
+    for (const each of document.querySelectorAll("fieldset")) each.hidden = plainly;
     dims.forEach((dim, place) => { const out = get(`${dim.key}-shown`); if (out) out.textContent = dim.values[state.place[place]]; });
     assumptions();
     if (plainly) {

@@ -126,6 +126,28 @@ def test_figures_of_a_poll_list_are_those_of_its_table(tmp_path: Path) -> None:
     assert "retries={retries}" in item["pymodbus"][0]
 
 
+def test_a_list_that_cannot_be_sized_and_a_goal_that_is_not_judged_have_their_remarks(tmp_path: Path) -> None:
+    path, target = tmp_path / "storm.yaml", tmp_path / "storm.html"
+    storm = "noise: [{name: storm, bus: b, burst: {good: 1 s, bad: 20 ms, ber_good: 0, ber_bad: 0.01}}]"
+    path.write_text(f"{LINE}{storm}\n", encoding="utf-8")
+    assert main(["size", str(path), "-o", str(target)]) == 1
+    (item,) = payload(target)["items"]
+    assert (item["valid"], item["notes"]) == (
+        False,
+        ["storm comes and goes: attempts do not fail independently"],
+    )
+    assert in_chinese(item["notes"][0]) == "storm 时有时无：各次尝试的失败互相关联"
+    (item,) = page_items(bussim.size(uniform_link(2, 0), ["heartbeat=2s@1/y", "ride>=0"]), SMALL)
+    assert [each["name"] for each in item["goals"]] == ["errors"]
+    assert item["beside"] == ["heartbeat=2s@1/y"]
+    (item,) = page_items(bussim.size(uniform_link(2, 0), ["dead<=20ms"]), SMALL)
+    retries, timeout, judged = item["start"]
+    assert item["recommended"][judged] is None
+    assert ["dead<=20ms"] in item["unmet"]
+    assert all(in_chinese(each) for each in item["remedies"])
+    assert at(item["missed"], judged, retries, timeout) > 0
+
+
 def test_less_noise_leaves_fewer_failed_turns_and_more_leaves_more() -> None:
     items = page_items(bussim.size("feeder_off"))
     errors = [at(items[0]["figures"]["errors"], noise, 1, 1) for noise in range(5)]
