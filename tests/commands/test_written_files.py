@@ -14,6 +14,8 @@ from bussim.cli import COMMANDS, cli, main
 TARGETS = {
     "size two_stations --out o": "o/size.json",
     "size two_stations -o o --json": "o/size_link.svg",
+    "size two_stations -o o/x.html --lang zh": "o/x.html",
+    "size --standard-lines -o o/x.html": "o/x.html",
     "exact two_stations --plot": "law_link.png",
     "exact two_stations --plot --json -o o": "o/law_link.svg",
     "plot {run}": "{run}/scan_time_over_run_link.svg",

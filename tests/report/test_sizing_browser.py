@@ -62,6 +62,11 @@ def set_to(window: Any, values: dict[str, int]) -> None:
     )
 
 
+def settle(window: Any) -> None:
+    """Wait until the charts are drawn."""
+    window.execute_async_script("requestAnimationFrame(() => requestAnimationFrame(arguments[0]))")
+
+
 def figures(window: Any) -> dict[str, str]:
     """The shown figures by name, without remarks."""
     script = """return Object.fromEntries([...document.querySelectorAll('#tiles [data-figure]')].map(
@@ -130,14 +135,10 @@ def test_every_slider_moves_by_keys(pages: dict[str, Path], window: Any, name: s
             text = window.find_element("id", "verdict").text
             assert (shown, text) != before
             before = (shown, text)
-        window.execute_script(
-            "return new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
-        )
+        settle(window)
         drawn = window.execute_script(picture)
         slider.send_keys(Keys.HOME)
-        window.execute_script(
-            "return new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
-        )
+        settle(window)
         assert window.execute_script(picture) != drawn
 
 
@@ -170,9 +171,7 @@ def test_it_shows_everything_and_loads_nothing(
     for choice in range(choices):
         if choices > 1:
             set_to(window, {"name": choice})
-        window.execute_script(
-            "return new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
-        )
+        settle(window)
         assert window.execute_script("return document.documentElement.scrollWidth <= innerWidth")
         drawn = window.execute_script(
             """return [...document.querySelectorAll('figure:not([hidden]) canvas')].map(canvas => {
@@ -241,5 +240,6 @@ def test_a_dot_of_the_trade_off_can_be_taken(window: Any) -> None:
         for y in range(8 - size["height"] // 2, size["height"] // 2, 16):
             plot = window.find_element("css selector", "#trade .u-over")
             ActionChains(window, duration=0).move_to_element_with_offset(plot, x, y).click().perform()
+            settle(window)
             taken.add(window.find_element("id", "retries").get_attribute("value"))
     assert len(taken) >= 9

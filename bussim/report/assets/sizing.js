@@ -36,10 +36,8 @@
   };
   const STRIP = { link: ["mean", "dead", "errors"], port: ["mean", "dead_longest", "errors"] };
   const COLUMNS = { link: ["errors", "dead", "ride"], port: ["errors", "dead", "dead_longest"] };
-  const shownTile = (name) => (name === "ride" ? `${figure(name).toLocaleString("en")} ms` : shown(name, figure(name)));
-
   const tile = (list, name) => {
-    const part = node("div"), term = node("dt", {}, word(kind(name))), value = node("dd", { "data-figure": name }, shownTile(name));
+    const part = node("div"), term = node("dt", {}, word(kind(name))), value = node("dd", { "data-figure": name }, shown(name, figure(name)));
     if (name === "detect") value.append(node("small", { "data-figure": "detect_longest" }, word("at_worst", { time: time(figure("detect_longest")) })));
     if (name === "errors") value.append(node("small", {}, word("a_year")));
     part.append(term, value);
