@@ -24,13 +24,14 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from inspect import Signature
 
-    from bussim.api import Result, load, loads, open_run, plot_scan_times, run, timeline
+    from bussim.api import Result, examine, load, loads, open_run, plot_scan_times, run, timeline
     from bussim.cli import main
     from bussim.commands.fit.recording import fit
     from bussim.commands.report import report
-    from bussim.errors import BussimError, RunError, ScenarioError, UsageError
+    from bussim.errors import BussimError, Problem, RunError, ScenarioError, UsageError
     from bussim.exact.sizing.sized import Sized, size
     from bussim.exact.solution import Exact, exact
+    from bussim.scenario.loader import Examined
     from bussim.scenario.model import Scenario
     from bussim.scenario.yaml.edit import edit
     from bussim.site.result import SiteResult, site
@@ -40,6 +41,8 @@ if TYPE_CHECKING:
 __all__ = [
     "BussimError",
     "Exact",
+    "Examined",
+    "Problem",
     "Result",
     "RunError",
     "Scenario",
@@ -51,6 +54,7 @@ __all__ = [
     "__version__",
     "edit",
     "exact",
+    "examine",
     "fit",
     "load",
     "loads",
@@ -66,13 +70,14 @@ __all__ = [
 ]
 
 _HOMES = {
-    "bussim.api": ("Result", "load", "loads", "open_run", "plot_scan_times", "run", "timeline"),
+    "bussim.api": ("Result", "examine", "load", "loads", "open_run", "plot_scan_times", "run", "timeline"),
     "bussim.cli": ("main",),
     "bussim.commands.fit.recording": ("fit",),
     "bussim.commands.report": ("report",),
-    "bussim.errors": ("BussimError", "RunError", "ScenarioError", "UsageError"),
+    "bussim.errors": ("BussimError", "Problem", "RunError", "ScenarioError", "UsageError"),
     "bussim.exact.sizing.sized": ("Sized", "size"),
     "bussim.exact.solution": ("Exact", "exact"),
+    "bussim.scenario.loader": ("Examined",),
     "bussim.scenario.model": ("Scenario",),
     "bussim.scenario.yaml.edit": ("edit",),
     "bussim.site.result": ("SiteResult", "site"),

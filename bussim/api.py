@@ -32,11 +32,13 @@ from bussim.version import __version__
 
 if TYPE_CHECKING:
     from bussim.results.plots.style import Picture
+    from bussim.scenario.loader import Examined
 
 __all__ = [
     "Progress",
     "Result",
     "Source",
+    "examine",
     "load",
     "loads",
     "open_run",
@@ -70,6 +72,18 @@ def loads(text: str, overrides: Iterable[str] = (), *, allow_code: bool = False)
     from bussim.scenario import loader
 
     return loader.loads(text, overrides=overrides, allow_code=allow_code)
+
+
+def examine(text: str, *, name: str = "<string>", files: Mapping[str, bytes] | None = None) -> Examined:
+    """The scenario in a text or every mistake in it, and its warnings, with their lines and columns.
+
+    Nothing is read from the disk, whoever wrote the text: programs and tables that it names are those in
+    ``files``, by the names that the text has for them, or come with bussim; functions of a user are a
+    mistake. ``name`` stands for the file in messages. Raises nothing for what is wrong with the text.
+    """
+    from bussim.scenario import loader
+
+    return loader.examine_text(text, name=name, files=files)
 
 
 def run(

@@ -14,7 +14,7 @@ from bussim.files import kind_of
 from bussim.scenario import builtin
 from bussim.scenario.model import Scenario
 from bussim.scenario.yaml import parser as yaml
-from bussim.scenario.yaml.files import Files
+from bussim.scenario.yaml.files import Files, GivenFiles
 from bussim.scenario.yaml.overrides import Override, apply_overrides
 from bussim.scenario.yaml.plain import copied
 from bussim.scenario.yaml.source_map import Report, SourceMap
@@ -94,6 +94,15 @@ def examine(
         return Examined(None, error.problems, ())
     code = Code(allowed=allow_code, folder=file.parent)
     return _check(*yaml.read(raw, shown), overrides, code, Files(file.parent))
+
+
+def examine_text(text: str, *, name: str = "<string>", files: Mapping[str, bytes] | None = None) -> Examined:
+    """Like :func:`examine` for a text, of whoever wrote it: nothing is read from the user's folders.
+
+    ``name`` stands for the file in messages. Programs and tables that the text names are those of ``files``,
+    by the names that the text has for them, and those that come with bussim.
+    """
+    return _check(*yaml.read(text, name), (), Code(), GivenFiles(files or {}))
 
 
 def _bytes(path: Path, shown: str) -> bytes:

@@ -6,6 +6,7 @@ import errno
 import itertools
 import os
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 from bussim.files import kind_of
@@ -75,14 +76,7 @@ class Files:
         """
         if name in self.texts:
             return self.texts[name]
-        path = self._find(name)
-        if path is None:
-            raise ValueError(f"is {shorten(name)}, {self._why_not(name)}")
-        try:
-            with path.open("rb") as file:
-                raw = file.read(most + 1)
-        except OSError as error:
-            raise ValueError(f"is {shorten(name)}, which cannot be read: {error.strerror or error}") from None
+        raw = self._raw(name, most)
         if coded and raw.startswith(_PROJECTS):
             what = "which is a tool's project, no text; export the program (or its comments) as CSV or text"
             raise ValueError(f"is {shorten(name)}, {what}")
@@ -97,10 +91,21 @@ class Files:
         self.codings[name] = "GBK" if coding == "GB 2312" else coding  # which holds all of it
         return text
 
+    def _raw(self, name: str, most: int) -> bytes:
+        """What is in a file, no more than a byte above ``most``; raises as :meth:`read`."""
+        path = self._find(name)
+        if path is None:
+            raise ValueError(f"is {shorten(name)}, {self._why_not(name)}")
+        try:
+            with path.open("rb") as file:
+                return file.read(most + 1)
+        except OSError as error:
+            raise ValueError(f"is {shorten(name)}, which cannot be read: {error.strerror or error}") from None
+
     def _find(self, name: str) -> Path | None:
         candidates = [(self._folder or Path()) / name]
         if Path(name).name == name:
-            candidates.append(builtin.folder() / "programs" / name)
+            candidates.append(_programs() / name)
         try:
             return next((path for path in candidates if path.is_file()), None)
         except (OSError, ValueError):
@@ -131,10 +136,37 @@ class Files:
         except OSError:
             names = []
         if self._folder is None or path.parent == self._folder:
-            names += [entry.name for entry in (builtin.folder() / "programs").iterdir()]
+            names += [entry.name for entry in _programs().iterdir()]
         alike = [other for other in names if Path(other).suffix.lower() == path.suffix.lower()]
         near = nearest(path.name, alike)
         return None if near is None else shorten(near)
+
+
+class GivenFiles(Files):
+    """Finds those that it is given, by name, and those that come with bussim; it reads no folder of the user.
+
+    A message about a table quotes its lines: of a scenario that somebody else wrote, no name may lead to
+    what lies on this computer.
+    """
+
+    def __init__(self, given: Mapping[str, bytes]) -> None:
+        super().__init__(None)
+        self._given = given
+
+    def _raw(self, name: str, most: int) -> bytes:
+        return self._given[name] if name in self._given else super()._raw(name, most)
+
+    def _find(self, name: str) -> Path | None:
+        return path if Path(name).name == name and (path := _programs() / name).is_file() else None
+
+    def _why_not(self, name: str) -> str:
+        near = nearest(name, [*self._given, *(entry.name for entry in _programs().iterdir())])
+        return "which was not given with the scenario" + (f"; did you mean {near}?" if near else "")
+
+
+def _programs() -> Path:
+    """The folder of the programs that come with bussim."""
+    return builtin.folder() / "programs"
 
 
 def _encoding(raw: bytes, position: int) -> str:
