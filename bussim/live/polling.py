@@ -90,7 +90,8 @@ class PollTurns(ModbusHandling):
         super().__init__()
         self._polls = polls
         self._on_turn = on_turn
-        self._rounds = rounds
+        limits = ([each for each in (rounds, poll.times) if each is not None] for poll in polls)
+        self._limits = [min(each, default=None) for each in limits]
         self._on_late = on_late
         self._instead: Unanswered | None = None
         self._attempts: list[TransactionEnded] = []
@@ -100,15 +101,9 @@ class PollTurns(ModbusHandling):
     @property
     def done(self) -> bool:
         """Whether every poll has had its turns; one with ``times`` may have fewer."""
-        rounds = self._rounds
-        if rounds is None:
-            return all(
-                poll.times is not None and turns >= poll.times
-                for poll, turns in zip(self._polls, self._turns, strict=True)
-            )
         return all(
-            turns >= (rounds if poll.times is None else min(rounds, poll.times))
-            for poll, turns in zip(self._polls, self._turns, strict=True)
+            limit is not None and turns >= limit
+            for limit, turns in zip(self._limits, self._turns, strict=True)
         )
 
     def event(self, event: MasterEvent | PollEvent, now: int) -> None:
