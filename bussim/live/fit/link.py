@@ -19,12 +19,9 @@ from bussim.live.fit.statistics import Estimate, mean, median, proportion
 from bussim.live.fit.turnaround import TurnaroundDistribution, distribution_of
 from bussim.live.sniff.decoder import Line
 from bussim.live.sniff.heard import Heard, Verdict
-from bussim.live.sniff.link import LinkDecoder, OpenPoll
+from bussim.live.sniff.link import TIMEOUT_UNIT, LinkDecoder, OpenPoll
 from bussim.trace.records import Sink
-from bussim.units import TICKS_PER_MS
 
-#: 10 ms, the unit of D8180, in ticks.
-TIMEOUT_UNIT = 10 * TICKS_PER_MS
 #: The kind of a slave's frame, beside those of the master's.
 _REPLY = "reply"
 #: The timeout where none is known, in its units.

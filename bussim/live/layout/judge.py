@@ -17,17 +17,14 @@ from bussim.live.layout.propose import propose
 from bussim.live.layout.silences import MOST_BURSTS, Attempt, Burst, Polling, Scan, bursts, polling
 from bussim.live.layout.value import ASSUMED, Layout
 from bussim.live.recordings.source import LineSetup, Source
-from bussim.live.sniff.link import station_name
+from bussim.live.sniff.link import TIMEOUT_UNIT, station_name
 from bussim.trace.records import AttemptRecord, LinkTotals, ScanRecord, Sink
-from bussim.units import TICKS_PER_MS
 from bussim.wording import counted
 
 #: More unsound frames than this share, and than so many, are not the recorder's.
 _FEW, _LEAST = 0.1, 4
 #: A line is polled if so many of its scans are understood, of these most take about the same time.
 _UNDERSTOOD, _LEAST_SCANS, _SPREAD = 2 / 3, 5, 0.5
-#: 10 ms, the unit of D8180.
-_TIMEOUT_UNIT = 10 * TICKS_PER_MS
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +109,7 @@ class Misfit:
             mode=None,
             retries=most - 1,
             attempts=most,
-            timeout=None if timeout is None else round(timeout / _TIMEOUT_UNIT) * _TIMEOUT_UNIT,
+            timeout=None if timeout is None else round(timeout / TIMEOUT_UNIT) * TIMEOUT_UNIT,
             polls=sum(each.number == 1 for each in attempts),
             failed_attempts={station: dict(by) for station, by in sorted(failed.items())},
             station_errors={station: errors[station] for station in stations},

@@ -20,7 +20,7 @@ from bussim.trace.records import AttemptRecord, LinkTotals, NoteRecord, ScanReco
 from bussim.wording import counted
 
 #: 10 ms, the unit of D8180, in ticks.
-_TIMEOUT_UNIT = 720_000
+TIMEOUT_UNIT = 720_000
 #: Frames of the master less far apart than this many of the shortest link scan have no scan in between.
 _ONE_SCAN = 1.5
 #: Outcomes of an attempt by its code.
@@ -63,7 +63,6 @@ class LinkDecoder(Decoder):
         #: Link scans of which one end was not heard: they have no time.
         self.scans_unmeasured = 0
         self.polls = 0
-        #: Polls that came again though the reply to them was sound.
         self.healthy_at: int | None = None
         #: Ticks from a failed poll's end to the master's next frame, the shortest: timeout and gap.
         self.shortest_wait: int | None = None
@@ -205,11 +204,8 @@ class LinkDecoder(Decoder):
     def _attempted(self, poll: OpenPoll, code: int, now: int, turnaround: int | None) -> None:
         """Record an attempt: replied to after a turnaround (code 0), or failed."""
         self.outcomes[OUTCOMES[code]] += 1
-        outcome = codes.MEANINGS[code] if code else "ok"
-        attempt = AttemptRecord(
-            self._bus, poll.start, now, poll.station, self._attempt, outcome, code, turnaround
-        )
-        self._sink.take(attempt)
+        poll_of = self._bus, poll.start, now, poll.station, self._attempt
+        self._sink.take(AttemptRecord(*poll_of, codes.MEANINGS[code] if code else "ok", code, turnaround))
 
     def _given_up(self, now: int, next_station: int | None) -> None:
         """The master turns to another station: the one that failed is in error."""
@@ -219,12 +215,8 @@ class LinkDecoder(Decoder):
         self._last_failed = None
         attempts = self.settings.retries + 1 if self.settings else 1
         damaged = self._scan_failed and self._scan_failed[-1] == (station, codes.DAMAGED)
-        if (
-            damaged
-            and self._attempt < attempts
-            and self._pieces_of_failed < 2
-            and station not in self._flagged
-        ):
+        single = self._pieces_of_failed < 2 and station not in self._flagged
+        if damaged and self._attempt < attempts and single:
             # A master that does not repeat has taken the reply: it was damaged at the recorder alone.
             self.recorder_damage += 1
             return
@@ -272,29 +264,20 @@ class LinkDecoder(Decoder):
             self.scans_unmeasured += scans
         elif self._scan is not None:
             self._shortest_scan = min(start - begun, self._shortest_scan or start - begun)
-            self._sink.take(
-                ScanRecord(
-                    self._bus,
-                    self.scans,
-                    begun,
-                    start - begun,
-                    attempts,
-                    len(self._scan_failed),
-                    len(self._flagged),
-                    self._cause(),
-                )
-            )
+            counts = attempts, len(self._scan_failed), len(self._flagged)
+            self._sink.take(ScanRecord(self._bus, self.scans, begun, start - begun, *counts, self._cause()))
             self.scans += 1
         self._scan, self._latest = (start, counter, 0), 0
         self._scan_failed = []
 
     def _cause(self) -> str:
-        failed = Counter(station for station, _ in self._scan_failed)
-        parts = []
-        for station, count in failed.items():
-            found = ", ".join(f"{code:02X}" for number, code in self._scan_failed if number == station)
-            parts.append(f"station {station}: {counted(count, 'failed attempt')}, {found}")
-        return "; ".join(parts)
+        failed: dict[int, list[str]] = {}
+        for station, code in self._scan_failed:
+            failed.setdefault(station, []).append(f"{code:02X}")
+        return "; ".join(
+            f"station {station}: {counted(len(found), 'failed attempt')}, {', '.join(found)}"
+            for station, found in failed.items()
+        )
 
     def _refreshed(self, heard: Heard, frame: Frame) -> None:
         self._sink.refreshed(self._bus, frame.station, heard.end, None)
@@ -310,17 +293,12 @@ class LinkDecoder(Decoder):
         """Counts so far. Attempts and timeout are what was seen where there was no parameter frame."""
         settings = self.settings
         slaves = settings.slaves if settings else max(self._stations, default=0)
+        mode = next((n for n, block in enumerate(MODES) if block.size == self._block), None)
+        attempts, timeout = self.most_attempts or 1, None
         if settings:
-            mode: int | None = settings.mode
-        else:
-            mode = next((n for n, block in enumerate(MODES) if block.size == self._block), None)
-        attempts = self.most_attempts or 1
-        timeout: int | None = None
-        if settings:
-            timeout = settings.timeout * _TIMEOUT_UNIT
+            mode, attempts, timeout = settings.mode, settings.retries + 1, settings.timeout
         elif self.shortest_wait is not None:
-            waited = self.shortest_wait - (self._shortest_gap or 0)
-            timeout = round(waited / _TIMEOUT_UNIT) * _TIMEOUT_UNIT
+            timeout = round((self.shortest_wait - (self._shortest_gap or 0)) / TIMEOUT_UNIT)
         names = {station: self._names[station] for station in range(slaves + 1)}
         return LinkTotals(
             bus=self._bus,
@@ -329,9 +307,9 @@ class LinkDecoder(Decoder):
             master=names[0],
             slaves=slaves,
             mode=mode,
-            retries=settings.retries if settings else max(0, attempts - 1),
-            attempts=settings.retries + 1 if settings else attempts,
-            timeout=timeout,
+            retries=attempts - 1,
+            attempts=attempts,
+            timeout=None if timeout is None else timeout * TIMEOUT_UNIT,
             polls=self.polls,
             failed_attempts={station: dict(by) for station, by in sorted(self.failed.items())},
             station_errors={k: self.station_errors[k] for k in range(1, slaves + 1)},

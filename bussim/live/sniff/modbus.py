@@ -264,12 +264,9 @@ class ModbusDecoder(Decoder):
             return
         for heard in frames:
             open_ = self._open
-            if (
-                open_ is not None
-                and not open_.damaged
-                and _same(open_.heard, heard)
-                and heard.start - open_.heard.end <= limit
-            ):
+            if open_ is None or open_.damaged or heard.start - open_.heard.end > limit:
+                self._request(heard, asked)
+            elif _same(open_.heard, heard):
                 self._respond(heard, open_)
             else:
                 self._request(heard, asked)
@@ -337,11 +334,8 @@ class ModbusDecoder(Decoder):
 
     def totals(self) -> BusTotals:
         """Counts so far."""
-        line = self._line
         nodes = ("master", *(f"station {number}" for number in sorted(self.stations)))
-        return BusTotals(
-            line.bus, line.baud, line.format, nodes, self.busy, self.frames, collisions=0, undetected=0
-        )
+        return BusTotals(*self._line[:3], nodes, self.busy, self.frames, collisions=0, undetected=0)
 
 
 def _same(one: Heard, other: Heard) -> bool:
