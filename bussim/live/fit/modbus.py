@@ -263,12 +263,14 @@ class BusObserver(ModbusDecoder):
     ) -> tuple[int | None, tuple[int, int] | None]:
         """The master's timeout, and between what it is where no wait shows it.
 
-        A wait does not show it if what was requested next was due just then.
+        A wait does not show it if what was requested next was due just then. Behind a sound reply that the
+        master has not heard it waits as long, but there a turn that is due may look like a repeat.
         """
         usual = {each.request: (each.low or 0, each.high or 0) for each in polls}
         slack = self._line.silence + self._line.slack
         latest: dict[Request, int] = {}
         waits: list[int] = []
+        unheard: list[int] = []
         hidden: list[int] = []
         longest = 0
         for number, (before, turn) in enumerate(pairwise(self._turns), 1):
@@ -277,7 +279,7 @@ class BusObserver(ModbusDecoder):
             wait, (low, high) = turn.sent - before.asked, usual[turn.request]
             if number in repeats:
                 if not self._at_once(before, turn):  # behind damage it does not wait
-                    waits.append(wait)
+                    unheard.append(wait)
             elif before.replied is not None:
                 longest = max(longest, before.replied - before.asked)
             elif before.outcome == "no_answer":
@@ -285,8 +287,8 @@ class BusObserver(ModbusDecoder):
                 on_time = since is None or low - slack <= turn.sent - since <= high + slack
                 due = turn.attempt == 1 and on_time
                 (hidden if due else waits).append(wait)
-        if waits:
-            return max(min(waits), self._line.silence), None
+        if waits or unheard:
+            return max(min(waits or unheard), self._line.silence), None
         if not hidden:
             return None, None
         between = longest, min(hidden)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -192,12 +194,8 @@ def to_text(layout: Layout, comment: str) -> str:
 
 def _shown(order: Order) -> str:
     """The parts of a frame as a list, those under the sum in a list of their own."""
-    texts = [(f"0x{what:02X}" if isinstance(what, int) else what, summed) for what, summed in order]
-    first = next((at for at, (_, summed) in enumerate(texts) if summed), None)
-    if first is None:
-        return f"[{', '.join(text for text, _ in texts)}]"
-    last = max(at for at, (_, summed) in enumerate(texts) if summed) + 1
-    inner = f"[{', '.join(text for text, _ in texts[first:last])}]"
-    return (
-        f"[{', '.join([*(text for text, _ in texts[:first]), inner, *(text for text, _ in texts[last:])])}]"
-    )
+    parts = []
+    for summed, group in groupby(order, key=itemgetter(1)):
+        inner = ", ".join(f"0x{what:02X}" if isinstance(what, int) else what for what, _ in group)
+        parts.append(f"[{inner}]" if summed else inner)
+    return f"[{', '.join(parts)}]"

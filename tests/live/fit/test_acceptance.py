@@ -12,7 +12,21 @@ from pathlib import Path
 import pytest
 
 from bussim.cli import main
-from tests.live.fit.acceptance import INDEPENDENT, ROWS, Known, bus, link, right
+from bussim.line.characters import CharFormat, LineTiming
+from bussim.live.fit.modbus import BusEstimate
+from bussim.live.sniff.heard import LineProtocol
+from bussim.units import TICKS_PER_MS
+from tests.live.fit.acceptance import (
+    INDEPENDENT,
+    ROWS,
+    Known,
+    bus,
+    bus_data,
+    estimate,
+    link,
+    right,
+    traced,
+)
 from tests.live.fit.test_statistics import covers
 from tests.live.recordings.generator import Serial, modbus, nn_link, sigrok, wave
 from tests.live.recordings.test_frames import strays
@@ -98,3 +112,16 @@ def test_noise_of_one_senders_frames_is_told_from_that_of_all() -> None:
 def test_damage_and_loss_count_once() -> None:
     """In the last one a sound reply is asked for again: as soon as others are followed, for it was damaged."""
     assert misses("once", (*range(4), 15)) == 0
+
+
+@pytest.mark.slow
+def test_a_turn_that_is_due_behind_a_late_one_shows_no_timeout() -> None:
+    """Of one request only, with lost replies: a turn comes sooner than the timeout behind one that was late."""
+    data = bus_data(2, 40, {"ber": 1e-5}, {"station": "one", "reply_loss": 0.1})
+    panel = data["devices"][2]
+    panel |= {"timeout": "100 ms", "interval": "20 ms", "polls": [panel["polls"][0] | {"every": "200 ms"}]}
+    data["buses"][0] |= {"baud": 9600, "format": "8N1"}
+    found = estimate(traced(data), LineProtocol.RTU, LineTiming(9600, CharFormat(8, "N", 1)))
+    assert isinstance(found, BusEstimate)
+    assert found.timeout is not None
+    assert found.timeout == pytest.approx(120 * TICKS_PER_MS, abs=TICKS_PER_MS)
