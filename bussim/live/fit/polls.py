@@ -13,6 +13,8 @@ from typing import NamedTuple
 
 #: A request is periodic if nine tenths of its turns begin within so much of a period of their grid.
 _LATE, _MOST = 0.25, 0.9
+#: What is due by a clock comes within so much of a period and the turns' own spread.
+_EXACT = 0.01
 #: From fewer distances no grid is concluded.
 _LEAST = 5
 #: A request that comes twice in a row in fewer of its turns comes so by exception.
@@ -82,14 +84,14 @@ def numbered(turns: list[Turn]) -> list[Turn]:
 
     Where a request comes again behind failures when its next turn is due, its master repeats nothing.
     """
-    usual = {request: _every(starts) for request, starts in _polls(turns, frozenset()).items()}
+    usual = {request: _usual(starts) for request, starts in _polls(turns, frozenset()).items()}
     latest: dict[Request, Turn] = {}
     again, due = Counter[Request](), Counter[Request]()
     for turn in turns:
-        every, before = usual[turn.request], latest.get(turn.request)
+        (every, off), before = usual[turn.request], latest.get(turn.request)
         if turn.attempt > 1 and before is not None and every is not None:
             again[turn.request] += 1
-            due[turn.request] += abs(turn.sent - before.sent - every) <= _LATE * every
+            due[turn.request] += abs(turn.sent - before.sent - every) <= off
         latest[turn.request] = turn
     single = {request for request, count in again.items() if due[request] >= _MOST * count}
     return [turn._replace(attempt=1) if turn.request in single else turn for turn in turns]
@@ -168,6 +170,16 @@ def _attempts(turns: list[Turn]) -> int:
     seen = Counter(turn.attempt for turn in turns)
     last = (number for number in sorted(given_up) if given_up[number] >= seen[number + 1])
     return next(last, max(seen))
+
+
+def _usual(starts: array[int]) -> tuple[int | None, float]:
+    """The median distance of turns, and by how much others differ that come when they are due."""
+    every, apart = _every(starts), sorted(map(sub, starts[1:], starts))
+    if every is None:
+        return None, 0.0
+    fifth = len(apart) // 5
+    spread = max(every - apart[fifth], apart[-1 - fifth] - every)
+    return every, min(_LATE * every, 2 * spread + _EXACT * every)
 
 
 def _every(starts: array[int]) -> int | None:
