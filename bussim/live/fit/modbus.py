@@ -310,6 +310,8 @@ class BusObserver(ModbusDecoder):
     def _master_receiver(self, repeats: Sequence[int] | None) -> MasterReceiver:
         if repeats is None:
             return MasterReceiver()
+        if not repeats and max(turn.attempt for turn in self._turns) == 1:
+            return MasterReceiver(0)  # a master that never repeats does not show what it has not taken
         damaged, unheard = Counter[int](), Counter[int]()
         for number in repeats:
             before, turn = self._turns[number - 1 : number + 1]

@@ -26,7 +26,7 @@ class MasterReceiver:
 
     ``loss`` is their share. At once it asked where it saw damage (``ber``), after its timeout where it saw
     nothing (``unheard``, a share). All are None where the master asks at no times that would tell a repeat
-    from the next turn.
+    from the next turn, all but ``repeats`` where it never repeats.
     """
 
     repeats: int | None = None

@@ -19,6 +19,7 @@ from bussim.units import TICKS_PER_MS
 from tests.live.fit.acceptance import (
     INDEPENDENT,
     ROWS,
+    RTU,
     Known,
     bus,
     bus_data,
@@ -125,3 +126,18 @@ def test_a_turn_that_is_due_behind_a_late_one_shows_no_timeout() -> None:
     assert isinstance(found, BusEstimate)
     assert found.timeout is not None
     assert found.timeout == pytest.approx(120 * TICKS_PER_MS, abs=TICKS_PER_MS)
+
+
+@pytest.mark.parametrize("retries", [0, 2])
+def test_only_a_master_that_repeats_shows_noise_at_its_receiver(retries: int) -> None:
+    """Of replies that it sees damaged one that never repeats says nothing: the share is not known, and not 0."""
+    data = bus_data(1, 20, {"station": "panel", "direction": "rx", "ber": 2e-4})
+    data["devices"][2]["polls"] = [each | {"retries": retries} for each in data["devices"][2]["polls"]]
+    found = estimate(traced(data), LineProtocol.RTU, RTU)
+    assert isinstance(found, BusEstimate)
+    receiver = found.noise.master_receiver
+    if retries:
+        assert receiver.ber is not None
+        assert covers(receiver.ber, 2e-4)
+    else:
+        assert (receiver.repeats, receiver.loss, receiver.unheard, receiver.ber) == (0, None, None, None)
