@@ -244,7 +244,7 @@ class LinkDecoder(Decoder):
                 self._scan = None
             scans = 1
         if waits:
-            silence -= settings.timeout * _TIMEOUT_UNIT if settings else silence
+            silence -= settings.timeout * TIMEOUT_UNIT if settings else silence
         if 0 < self._shortest_scan * scans < silence:
             self._scan = None
 
