@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Container, Iterable, Mapping
-from functools import lru_cache
 
 from bussim.engines.nn.frames import MODES, LinkSettings
 from bussim.engines.nn.master import Master, MasterConfig
@@ -246,7 +245,8 @@ class LinkRegisters:
 
     def range_of(self, station: int, mode: int) -> BlockRange:
         """Where this PLC keeps a station's block."""
-        return _range_of(station, mode, self._profile.word_spacing)
+        block = MODES[mode]
+        return block_range(station, block.bits, block.words, self._profile.word_spacing)
 
     def other_blocks(self) -> list[BlockRange]:
         """Where the blocks of all other stations lie in the largest mode; none without an engine."""
@@ -306,12 +306,6 @@ class LinkRegisters:
         """This family's own names of those of them that the PW10 calls otherwise, by the PW10's name."""
         devices = status_devices(self._profile, selected_port(self._memory))
         return {name: str(device) for name, device in devices.items() if name != str(device)}
-
-
-@lru_cache(maxsize=256)
-def _range_of(station: int, mode: int, spacing: int) -> BlockRange:
-    block = MODES[mode]
-    return block_range(station, block.bits, block.words, spacing)
 
 
 def status_devices(profile: Profile, port: str) -> dict[str, Device]:

@@ -76,10 +76,9 @@ class Logic:
 
         -1: the next one may. The latest one's errors are still to be reported.
         """
-        run = self._run
-        if run is None or run.halted:
-            return -1 if self.faulted else self._next_change
-        return -1 if self.faulted else min(run.rests_until, self._next_change)
+        running = self._run is not None and not self._run.halted
+        program = self._run.rests_until if self._run is not None and running else NEVER
+        return -1 if self.faulted else min(program, self._next_change)
 
     def show_specials(self, end: int, times: tuple[int, int, int]) -> None:
         """Show the special devices as the scan that begins with an END finds them, if that was not done.

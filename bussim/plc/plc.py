@@ -22,7 +22,7 @@ from bussim.plc.ports.port_registers import Maps, PortRegisters
 from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.plc.profiles import MAX_SLAVES, Profile
 from bussim.plc.program.program import Program
-from bussim.plc.program.rest import Dependence, Rest, dependence
+from bussim.plc.program.rest import Dependence, dependence
 from bussim.plc.scan import ScanCycle
 from bussim.plc.sources import Source, Sources
 from bussim.plc.system_devices import SystemDevices
@@ -99,7 +99,8 @@ class Plc:
         self._kept: Memory | None = None  # at the latest power-off
         self._board_errors: list[tuple[str, int]] = []
         self._image: bytes | None = None
-        self._image_until = -1
+        #: Until when the block is what :meth:`image_at` returned last, unless an END is carried out.
+        self.image_until = -1
         self._taken = -1  # the END at which received blocks were taken last
         self._stores_blocks = True  # whether ENDs that are carried out store them
         self._done = -1  # the END that was carried out last
@@ -113,7 +114,9 @@ class Plc:
         #: Whether every END is carried out.
         self.every_end = program is not None or bool(self._inputs) or bool(self._observed)
         self.observer: PlcObserver | None = None
-        self._rest = Rest(None, ())  # no END is left out
+        # What its scans depend on, where some ENDs may be left out; whether they may since RUN.
+        self._depends: Dependence | None = None
+        self._may_rest = False
         #: Whether received blocks may change what ENDs do, which may be left out if they do not.
         self.reads_blocks = False
         self._rests_until = -1  # before this tick no END changes anything; -1: the next one may
@@ -129,12 +132,13 @@ class Plc:
         depends = dependence(program) if program is not None else Dependence()
         shown = self.port_registers or self._observes_specials or any(at in status for at in self._observed)
         if self.every_end and depends is not None and not shown:
-            self._rest = Rest(depends, self._observed)
+            self._depends = depends
 
     @property
     def is_independent(self) -> bool:
         """Whether no received block changes what it does."""
-        return self.received is None or not (self._stores_blocks or self._rest.writes_blocks)
+        kept = self._depends is None or self._may_rest
+        return self.received is None or (kept and not self._stores_blocks)
 
     def scan_under_link(self) -> tuple[int, int]:
         """Mean and jitter of the scan while N:N runs, in ticks."""
@@ -165,8 +169,8 @@ class Plc:
                 now,
                 () if self.profile.latched_pulse_again else self.profile.latched,
             )
-            if self._rest.depends is not None:
-                self.logic.may_rest(self._rest.depends)
+            if self._depends is not None:
+                self.logic.may_rest(self._depends)
         if self._program is None:
             self._system = system = SystemDevices(self.memory, now)
             self.memory.refresh_specials = lambda end: system.scan(end, self.cycle.times(end))
@@ -198,19 +202,21 @@ class Plc:
         self._done = now - 1
         for port in self.port_registers.values():
             port.take_over(self.memory, self.errors, now)
-        self._image, self._image_until = None, -1
+        self._image, self.image_until = None, -1
         self._rests_until = -1
         blocks = self.link_registers.other_blocks()
-        self.reads_blocks = self._rest.depends_on(blocks)
-        ports = self._port_list
-        self._stores_blocks = (
-            self.reads_blocks
-            if self._rest.depends is not None
-            else self.every_end or any(port.reads_devices or any(map(port.lies_in, blocks)) for port in ports)
+        depends = self._depends
+        # What is written into other stations' blocks the next block undoes.
+        self._may_rest = depends is not None and not depends.touches(blocks, writes=True)
+        self.reads_blocks = depends is not None and (
+            depends.touches(blocks) or any(block.holds(at) for block in blocks for at in self._observed)
         )
+        stores = self.every_end or any(port.reads_devices for port in self._port_list)
+        self._stores_blocks = stores if depends is None else self.reads_blocks
         first_end = self.cycle.run(now, mean, jitter, self._phase)
+        self._longest = mean + jitter
         halted = logic is not None and logic.halted
-        if logic is not None and halted and self._rest.depends is not None:
+        if logic is not None and halted and self._depends is not None:
             logic.show_specials(now, (0, 0, 0))
         if spent and (self._phase is None or halted):
             first_end = self.cycle.run(now, mean, jitter, first_end - now + spent)
@@ -262,7 +268,7 @@ class Plc:
         self._show_end(now - 1)  # blocks received in another mode
         self.link_registers.parameters(settings)
         self._taken = -1
-        self._image, self._image_until = None, -1
+        self._image, self.image_until = None, -1
 
     def refuse(self, now: int) -> None:
         """The master asks for a mode that this family does not have: no link."""
@@ -273,7 +279,7 @@ class Plc:
 
     def _may_expire(self, extra: int) -> bool:
         """Whether a scan that lasts so much longer than drawn may exceed the watchdog."""
-        return self.cycle.longest_drawn + extra > self.memory.words("D")[8000] * TICKS_PER_MS
+        return self._longest + extra > self.memory.words("D")[8000] * TICKS_PER_MS
 
     def _rest_after(self, end: int, extra: int) -> int:
         """Until when ENDs after the one that is carried out change nothing; -1: the next one may.
@@ -300,7 +306,7 @@ class Plc:
 
     def wake(self, now: int) -> None:
         """Show what ENDs before now have left, and carry the next one out: something is about to change."""
-        if self._rest.depends is not None:
+        if self._depends is not None:
             self._show_end(now - 1)
         if self._rests_until >= 0:
             self._rests_until = -1
@@ -315,27 +321,22 @@ class Plc:
         Before the first END since RUN: the memory at RUN. The same object as long as nothing changed.
         """
         image = self._image
-        if image is not None and now < self._image_until:
+        if image is not None and now < self.image_until:
             return image  # every END so far left the same one
         if self.logic is not None:
             return self._frozen_image()
         end = self.cycle.latest_end(now)
-        if image is not None and (end is None or end < self._image_until):
+        if image is not None and (end is None or end < self.image_until):
             return image
         if end is not None:
             self._sources.write(self.memory, end)
         block = self.link_registers.block
         fresh = self.memory.block_image(block) if block is not None else b""
-        self._image_until = self._sources.next_change(end) if end is not None else -1
+        self.image_until = self._sources.next_change(end) if end is not None else -1
         if image is None or fresh != image:
             self._image = fresh
             return fresh
         return image
-
-    @property
-    def same_image_until(self) -> int:
-        """Until when the block is what :meth:`image_at` returned last, unless an END is carried out."""
-        return self._image_until
 
     def _frozen_image(self) -> bytes:
         """The block as the latest END left it, which the scan under way does not change."""
@@ -344,7 +345,7 @@ class Plc:
         fresh = self.logic.image(block) if block is not None else b""
         if self._image is None or fresh != self._image:
             self._image = fresh
-        self._image_until = NEVER  # until END says otherwise
+        self.image_until = NEVER  # until END says otherwise
         return self._image
 
     def sync(self, now: int) -> None:
@@ -355,7 +356,7 @@ class Plc:
     def _show_end(self, tick: int) -> None:
         if self.state is not PlcState.RUN:
             return
-        logic, depends = self.logic, self._rest.depends
+        logic, depends = self.logic, self._depends
         # With logic every END that is not left out is carried out when it happens.
         if (logic is None or depends is not None) and (end := self.cycle.latest_end(tick)) is not None:
             self._refresh(end)
@@ -409,7 +410,7 @@ class Plc:
             self._refresh(now)
         elif self._sources.by_device:
             self._sources.write(self.memory, now)
-        shown = self.every_end and self._rest.depends is None
+        shown = self.every_end and self._depends is None
         for each in self._port_list:
             shown = shown or (self._linked and each.shows_memory)
         if shown:
@@ -420,7 +421,8 @@ class Plc:
             hints[name] = each.at_end(now)
             active += each.active
         extra = active * self.profile.transaction_time
-        self._image_until = -1
+        #: Until when the block is what :meth:`image_at` returned last, unless an END is carried out.
+        self.image_until = -1
         if self._observes_specials and self.memory.refresh_specials is not None:
             self.memory.refresh_specials(now)
         if self._observed:
@@ -434,10 +436,10 @@ class Plc:
         if logic is not None and (logic.changes or self._may_expire(extra) or logic.halted):
             following = self.cycle.next_end(now + 1, now)
             logic.check_watchdog(now, following - now)
-            if self._rest.depends is not None and logic.halted:
+            if self._depends is not None and logic.halted:
                 logic.show_specials(now, self.cycle.times(now))
             self._report_inputs(now, following)
-        if self._rest.possible:
+        if self._may_rest:
             self._rests_until = self._rest_after(now, extra)
         return hints
 

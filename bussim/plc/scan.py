@@ -132,11 +132,6 @@ class ScanCycle:
         if self.on_change is not None:
             self.on_change(end)
 
-    @property
-    def longest_drawn(self) -> int:
-        """The longest scan that can be drawn, without a load."""
-        return self._mean + self._jitter
-
     def _forget(self, index: int) -> None:
         """Count and drop what lies before an entry of ``_ends``."""
         if self._recorded is not None:

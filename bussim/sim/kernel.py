@@ -14,7 +14,7 @@ and priority fire in the order in which they were set, chained or not.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from heapq import heappop, heappush
+from heapq import heappush
 from typing import Final
 
 import simpy
@@ -157,13 +157,9 @@ class Kernel:
         """
         if self.chained is not None:  # set while no action ran
             self.chained.unchain()
-        queue = self.queue  # entries of timers that were set anew are dropped here
-        if but:
-            timers = [(at, event._value) for at, _, _, event in queue]  # noqa: SLF001
-            return min((at for at, timer in timers if at == timer.at and timer not in but), default=NEVER)  # type: ignore[return-value] # ticks are whole
-        while queue and queue[0][0] != queue[0][3]._value.at:  # noqa: SLF001
-            heappop(queue)
-        return queue[0][0] if queue else NEVER  # type: ignore[return-value] # ticks are whole
+        timers = [(int(at), event._value) for at, _, _, event in self.queue]  # noqa: SLF001 - see Timer
+        # Entries of timers that were set anew have another tick.
+        return min((at for at, timer in timers if at == timer.at and timer not in but), default=NEVER)
 
     def pass_events(self, tick: int, priority: int) -> None:
         """Within an action: do what happens before a tick, or at it with a more urgent priority."""

@@ -17,7 +17,6 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator
-from operator import attrgetter
 from pathlib import Path
 from typing import Any, TextIO, TypeVar, assert_never, cast
 
@@ -61,59 +60,17 @@ def _refuse(constant: str) -> None:
 strict_json: Callable[[str], Any] = json.JSONDecoder(parse_constant=_refuse).decode
 
 
-#: The fields in which records of these types differ most often, in the order in which they are written.
-_TIMES: dict[type[Record], tuple[str, ...]] = {
-    FrameRecord: ("start", "end"),
-    AttemptRecord: ("start", "end", "turnaround"),
-    ScanRecord: ("start", "number", "duration"),
-}
-#: Of each of them what reads its other fields, but those that cannot be a key, and these.
-_VARYING = {
-    kind: (
-        attrgetter(*(name for name in kind._fields if name not in (*times, "damaged_at"))),
-        attrgetter(*times),
-    )
-    for kind, times in _TIMES.items()
-}
-_MOST_TEMPLATES = 4096
-
-
 class TraceWriter:
     """Writes a trace to a text file that is open: the header at once, then record by record."""
 
     def __init__(self, file: TextIO, header: TraceHeader) -> None:
         self._file = file
         self._buses = {bus.name: bus for bus in header.buses}
-        # Lines of records that differ in their times alone, by all else.
-        self._templates: dict[type[Record], dict[tuple[Any, ...], str]] = {kind: {} for kind in _TIMES}
         self._line(header_line(header))
 
     def write(self, record: Record) -> None:
         """Write a record."""
-        varying = _VARYING.get(type(record))
-        if varying is not None and not (type(record) is FrameRecord and record.damaged_at):
-            others, times = varying
-            known, key, values = self._templates[type(record)], others(record), times(record)
-            if (template := known.get(key)) is None and None not in values:
-                if len(known) >= _MOST_TEMPLATES:
-                    known.clear()
-                template = known[key] = self._template(record, values)
-            if template and None not in values:
-                self._file.write(template % values)
-                return
         self._line(to_line(record, self._buses))
-
-    def _template(self, record: Record, values: tuple[int, ...]) -> str:
-        """The line of a record with other times; "" where one of its texts holds what stands for them."""
-        marks = {name: 10**18 + number for number, name in enumerate(_TIMES[type(record)])}
-        marked: Record = record._replace(**marks)  # type: ignore[arg-type] # these fields are numbers
-        text = _encode(to_line(marked, self._buses)).replace("%", "%%") + "\n"
-        for mark in marks.values():
-            text = text.replace(str(mark), "%d")
-        fits = (
-            text.count("%d") == len(marks) and text % values == _encode(to_line(record, self._buses)) + "\n"
-        )
-        return text if fits else ""
 
     def flush(self) -> None:
         """Hand what was written to the system."""

@@ -12,7 +12,7 @@ from bussim.engines.modbus.pdu import READS
 from bussim.engines.modbus.server import RegisterMap
 from bussim.engines.modbus.slave import Slave, SlaveConfig
 from bussim.plc.errors import SerialErrors
-from bussim.plc.memory import BIT_RANGES, BlockRange, Device, Memory
+from bussim.plc.memory import BIT_RANGES, Device, Memory
 from bussim.plc.ports.cpavl import BITS, WORDS, BadSettings, PortSettings, read_settings
 from bussim.plc.ports.device_layout import words_fit
 from bussim.plc.ports.events import PortEvent
@@ -157,11 +157,6 @@ class PortRegisters:
         """
         side = self._side
         return now if side.busy != self.active else side.wanted_end(now)
-
-    def lies_in(self, block: BlockRange) -> bool:
-        """Whether a word or bit of the port lies in a block."""
-        counts = zip(self._devices, (WORDS, BITS), strict=True)
-        return any(block.holds(Device(of, at + more)) for (of, at), count in counts for more in range(count))
 
     @property
     def reads_devices(self) -> bool:

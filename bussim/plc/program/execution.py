@@ -117,7 +117,7 @@ class ProgramRun:
         Special devices show no later scan than the second then, unless :meth:`show` is called.
         """
         self._depends = depends
-        self._state = state_of(self.program, depends, self._machine, self._loops)
+        self._state = state_of(depends, self._machine, self._loops)
 
     # -- RUN, STOP and scans -----------------------------------------------------------------------
 
@@ -173,14 +173,13 @@ class ProgramRun:
         machine.now[0] = now - self._origin
         machine.scan[0] = number = machine.scan[0] + 1
         depends = self._depends if self._times[0] else None  # M8002 and M8038 are off by then
-        if depends is not None:
-            before = self._state()
-        elif number > 1:
+        if depends is None and number > 1:
             latest, (_, shortest, longest) = now - self._begun, self._times
             self._times = (latest, min(shortest or latest, latest), max(longest, latest))
         self._begun = now
         if depends is None or depends.clocks:
             self._system.scan(now, self._times)
+        before = self._state() if depends is not None else None
         if number == 2:
             m[LINK_SETTINGS] = 0
         if self._has_masters:

@@ -7,18 +7,17 @@ it was is followed by others that do the same, until an input, a received block,
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 from bussim.plc.inputs import NEVER
 from bussim.plc.link_devices import LINK_STATUS
-from bussim.plc.memory import FIRST_SPECIAL, BlockRange, Device, device_ranges
+from bussim.plc.memory import FIRST_SPECIAL, BlockRange, device_ranges
 from bussim.plc.program.instructions.coils import unit_of
 from bussim.plc.program.machine import Machine
 from bussim.plc.program.program import Program
-from bussim.plc.program.text.catalog import Flow, LadderRole
 from bussim.plc.program.text.operand_checks import Extent, extents, slots_of
 from bussim.units import TICKS_PER_MS
 
@@ -36,16 +35,13 @@ class Dependence:
     clocks: tuple[int, ...] = ()
     timers: tuple[tuple[int, int], ...] = ()
 
-    def touches(self, block: BlockRange, *, writes: bool = False) -> bool:
-        """Whether the program names a device of a block, or writes one."""
-        parts = (("M", False, block.bit, block.bits), ("D", True, block.word, block.words))
+    def touches(self, blocks: Sequence[BlockRange], *, writes: bool = False) -> bool:
+        """Whether the program names a device of some blocks, or writes one."""
+        places = [place for of in blocks for place in (("M", of.bit, of.bits), ("D", of.word, of.words))]
         return any(
-            (at.letter, at.word) == (letter, word)
-            and at.first < first + count
-            and at.last >= first
-            and (at.writes or not writes)
+            at.letter == letter and at.first < first + count and at.last >= first and at.writes >= writes
             for at in self.devices
-            for letter, word, first, count in parts
+            for letter, first, count in places
         )
 
 
@@ -80,40 +76,16 @@ def dependence(program: Program) -> Dependence | None:
                 return None
         if at.name == "OUT" and at.operands[0].kind == "T":
             timers[at.operands[0].address] = unit_of(at.operands[0].address, at.operands[0].family)
-    if any(at.spec.flow is Flow.STL for at in program.instructions):
-        devices.append(Extent("S", 0, 4095, word=False, writes=True))
     return Dependence(tuple(devices), tuple(clocks), tuple(timers.items()))
 
 
-def state_of(
-    program: Program, found: Dependence, machine: Machine, loops: list[int]
-) -> Callable[[], list[Any]]:
+def state_of(found: Dependence, machine: Machine, loops: list[int]) -> Callable[[], tuple[bytes, list[int]]]:
     """A function that copies all that a scan may change and the next one may depend on."""
-    reached: dict[tuple[bool, str, bool], tuple[int, int]] = {}
-    written = (
-        extent
-        for at in program.instructions
-        if at.spec.role is not LadderRole.CONTACT
-        for extent in extents(at, backwards=True)
-    )
-    flags = Extent("M", 8020, 8022, word=False, writes=True)
-    for extent in (*written, *(at for at in found.devices if at.letter == "S"), flags):
-        # Of timers and counters an instruction may mean the contact, the value or both.
-        for word in (False, True) if extent.letter in "TC" else (extent.word,):
-            key = extent.first >= FIRST_SPECIAL, extent.letter, word
-            first, last = reached.get(key, (extent.first, extent.last))
-            reached[key] = min(first, extent.first), max(last, extent.last)
-    parts: list[tuple[Any, int, int]] = [
-        (machine.words[letter] if word else machine.bits[letter], first, last + 1)
-        for (_, letter, word), (first, last) in reached.items()
-    ]
-    letters = {extent.letter for extent in found.devices}
-    remembered: list[Any] = [machine.earlier, machine.levels, loops]
-    if "C" in letters:
-        remembered.append(machine.counter_input)
-    remembered += [machine.held[letter] for letter in letters & set("TC")]
-    parts += [(each, 0, len(each)) for each in remembered]
-    return lambda: [array[first:last] for array, first, last in parts]
+    letters = {"M", *(extent.letter for extent in found.devices)}
+    shelves: tuple[dict[str, Any], ...] = (machine.bits, machine.words, machine.held)
+    arrays = [of[letter] for of in shelves for letter in letters if letter in of]
+    views = [memoryview(each) for each in (*arrays, machine.earlier, machine.levels, machine.counter_input)]
+    return lambda: (b"".join(views), loops[:])
 
 
 def rests_until(found: Dependence, machine: Machine) -> int:
@@ -125,22 +97,3 @@ def rests_until(found: Dependence, machine: Machine) -> int:
         unit for number, unit in found.timers if machine.timer_scan[number] == scan and not contacts[number]
     ]
     return min(((now // unit + 1) * unit + machine.origin for unit in (*units, *found.clocks)), default=NEVER)
-
-
-class Rest:
-    """Whether a PLC's ENDs may be left out; ``depends`` is None where none may."""
-
-    def __init__(self, depends: Dependence | None, observed: Collection[Device]) -> None:
-        self.depends = depends
-        self._observed = observed
-        #: Whether any may be since RUN; where not, whether scans write into other stations' blocks.
-        self.possible = depends is not None
-        self.writes_blocks = False
-
-    def depends_on(self, blocks: Sequence[BlockRange]) -> bool:
-        """RUN: whether ENDs depend on what comes into these blocks. What is written there does not stay."""
-        if (depends := self.depends) is None:
-            return False
-        self.writes_blocks = any(depends.touches(block, writes=True) for block in blocks)
-        self.possible = not self.writes_blocks
-        return any(depends.touches(block) or any(map(block.holds, self._observed)) for block in blocks)

@@ -108,7 +108,7 @@ class BlockPath:
         """Until when each station's block is the one that all have received last; now: it is another."""
         for station, other in enumerate((stations.port, *stations.polled)):
             news = self._bus.block_history.is_news(station, other.plc.image_at(now))
-            yield now if news else other.plc.same_image_until
+            yield now if news else other.plc.image_until
 
     def _scans(self, stations: _Stations, now: int, until: int) -> OrdinaryScans | None:
         """The ordinary scans from now on whose last reply ends before ``until``, in one block; None: none."""
@@ -205,25 +205,15 @@ class BlockPath:
         first = max(0, int(scans.starts.searchsorted(old, side="right")) - 2)
         begun = (scans.starts[:-1], *scans.replies)
         kept: list[list[int]] = []
-        for sender, starts in zip((port, *polled), begun, strict=True):
+        senders = (port, *polled)
+        for sender, starts in zip(senders, begun, strict=True):
             kept.append([] if bus.sink.traced else _latest(starts[first:].tolist(), old - scans.data))
             heard = None if took is None else [each for each in took if each != sender.position]
             bus.sink.refreshed_often(bus.name, sender.position, starts + scans.data, heard)
-        self._keep(stations, begun, kept, scans, missed)
-
-    def _keep(
-        self,
-        stations: _Stations,
-        begun: Sequence[np.ndarray],
-        kept: Sequence[Sequence[int]],
-        scans: OrdinaryScans,
-        missed: Sequence[int],
-    ) -> None:
-        """Keep the blocks that are sent at these ticks; meanwhile independent parts go on."""
-        senders = (stations.port, *stations.polled)
+        # Keep the blocks that are sent at these ticks; meanwhile independent parts go on.
         asked = [
             # What a port has written into the block shows in the frame after it.
-            starts.tolist() if self._bus.parts and sender.plc.port_registers else wanted
+            starts.tolist() if bus.parts and sender.plc.port_registers else wanted
             for sender, starts, wanted in zip(senders, begun, kept, strict=True)
         ]
         images: list[dict[int, bytes]] = [{} for _ in senders]
@@ -234,7 +224,7 @@ class BlockPath:
         for station, sender in enumerate(senders):
             for start in kept[station]:
                 image = images[station][start]
-                self._bus.block_history.received(station, start + scans.data, image, missed)
+                bus.block_history.received(station, start + scans.data, image, missed)
             if kept[station] and sender.engine is not None:
                 sender.engine.image = image
 
