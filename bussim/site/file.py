@@ -107,10 +107,8 @@ class _Reader:
                 if form is not None and not cut:
                     return SiteProfile(as_written(form.profile), tuple(form.open))
             else:
-                hint = suggest(given, list(PROFILES))
-                self.report.error(
-                    ("profile",), f"is {show(given)}, neither a profile nor a file of one; {hint}"
-                )
+                text = f"is {show(given)}, neither a profile nor a file of one; "
+                self.report.error(("profile",), text + suggest(given, list(PROFILES)))
             return SiteProfile({"base": "pw10"})
         written, cut = read_form(ProfileIn, given, ("profile",), self.report)
         return SiteProfile({"base": "pw10"} if written is None or cut else as_written(written))
@@ -124,9 +122,8 @@ class _Reader:
             meant = next((mine for mine, common in self.names.items() if common == text), None)
             near = meant or nearest(text, list(self.names))
             hint = f"did you mean {near}?" if near else f"allowed are {names(self.names)}"
-            self.report.error(
-                at, f"{'' if key else f'is {show(own)}, '}is no register of the link; {hint}", key=key
-            )
+            found = "" if key else f"is {show(own)}, "
+            self.report.error(at, f"{found}is no register of the link; {hint}", key=key)
         return self.names.get(text)
 
     def _reading(self, raw: Raw, at: At) -> Reading:
@@ -142,11 +139,9 @@ class _Reader:
                 read = [self._number(each, here) for each in listed] or [self._number(None, here)]
                 looks = [each for each in read if each is not None]
                 values |= {common: sorted(looks)[len(looks) // 2]} if looks else {}
-            elif (
-                common is not None
-                and (number := self._number(value, here, flag=common[0] == "M")) is not None
-            ):
-                values[common] = number
+            elif common is not None:
+                number = self._number(value, here, flag=common[0] == "M")
+                values |= {} if number is None else {common: number}
         longest = values.get("D8202", LIMIT)
         if looks and max(looks) > longest:
             text = f"is {longest}, below a look at D8201 ({max(looks)}), of which it is the longest"
@@ -181,9 +176,8 @@ class _Reader:
                     other = any(code in table for table in STYLES.values())
                     hint = f"; the other codes of this station are {style}" if other else ""
                     allowed = ", ".join(map(str, STYLES[style]))
-                    self.report.error(
-                        (*at, self._own(name, raw)), f"is {code}, no error code; allowed 0, {allowed}{hint}"
-                    )
+                    text = f"is {code}, no error code; allowed 0, {allowed}{hint}"
+                    self.report.error((*at, self._own(name, raw)), text)
                 values[name] = STYLES[style].get(code, 0)
             made.append(replace(reading, values=values))
         return made
@@ -200,13 +194,11 @@ class _Reader:
         places = [station.place for station in stations]
         order = form.order or places
         for index, place in enumerate(places):
+            at: At = ("stations", index, "place")
             if place in places[:index]:
-                report.error(("stations", index, "place"), f"is {show(place)}, as of another station")
+                report.error(at, f"is {show(place)}, as of another station")
             elif place not in order:
-                report.error(
-                    ("stations", index, "place"),
-                    f"is {show(place)}, which is not in order; {suggest(place, order)}",
-                )
+                report.error(at, f"is {show(place)}, which is not in order; {suggest(place, order)}")
         if form.order and len({*order}) < len(order):
             report.error(("order",), "names a place twice")
         self._check_settings(stations, len(form.order or ()))
@@ -221,14 +213,8 @@ class _Reader:
             f"error codes are taken {style} at {', '.join(where)}" for style, where in self.styles.items()
         ]
         made = Readout(
-            self.profile,
-            form.settings,
-            tuple(order),
-            form.watched,
-            tuple(stations),
-            form.started,
-            form.ladder,
-            frozenset(form.symptoms),
+            *(self.profile, form.settings, tuple(order), form.watched, tuple(stations)),
+            *(form.started, form.ladder, frozenset(form.symptoms)),
         )
         if not report.errors:
             self._check_against_scans(made)
@@ -264,68 +250,55 @@ class _Reader:
                 text = f"is {now}, below the {then} of before; after a restart leave before out"
                 self.report.error((*at, "after", self._own(name, raws["after"])), text)
             elif now == LIMIT:
-                self.notes.append(
-                    f"{form.place}: {name} is {LIMIT}, where counters stop: it is a lower bound"
-                )
+                text = f"{form.place}: {name} is {LIMIT}, where counters stop: it is a lower bound"
+                self.notes.append(text)
         rising = [self._name(each, (*at, "rising"), key=False) for each in form.rising]
         values, number = after.values, form.number
         if number is None:
             number = values.get(f"D{D_MIRROR_STATION}", values.get(f"D{D_STATION}"))
-        return Station(
-            form.place,
-            number,
-            form.state,
-            after,
-            before,
-            sd=form.lamps.SD,
-            rd=form.lamps.RD,
-            plc_scan=form.plc_scan,
-            rising=frozenset(each for each in rising if each is not None),
-        )
+        climbing = frozenset(each for each in rising if each is not None)
+        lamps, scan = form.lamps, form.plc_scan
+        made = Station(form.place, number, form.state, after, before, rising=climbing)
+        return replace(made, sd=lamps.SD, rd=lamps.RD, plc_scan=scan)
 
     def _check_ladder(self, thresholds: Sequence[float], rises: Sequence[int], longest: float | None) -> None:
+        error, at = self.report.error, "ladder"
         if len(rises) != len(thresholds):
-            self.report.error(
-                ("ladder", "rises"),
-                f"has {counted(len(rises), 'count')} for {counted(len(thresholds), 'threshold')}",
-            )
+            text = f"has {counted(len(rises), 'count')} for {counted(len(thresholds), 'threshold')}"
+            error((at, "rises"), text)
         for index, (one, two) in enumerate(pairwise(thresholds), 1):
             if two <= one:
-                self.report.error(
-                    ("ladder", "thresholds_ms", index), f"is {two:g}, not above the {one:g} before it"
-                )
+                error((at, "thresholds_ms", index), f"is {two:g}, not above the {one:g} before it")
         for index, (threshold, count) in enumerate(zip(thresholds, rises, strict=False)):
             if count and not rises[0]:
-                text = f"is {count}, and D8201 never rose to {thresholds[0]:g}"
-                self.report.error(("ladder", "rises", index), text)
+                error((at, "rises", index), f"is {count}, and D8201 never rose to {thresholds[0]:g}")
             if longest is not None and (longest >= threshold) != (count > 0):
-                text = f"is {longest:g}, with {counted(count, 'rise')} to {threshold:g}"
-                self.report.error(("ladder", "max_ms"), text)
+                error((at, "max_ms"), f"is {longest:g}, with {counted(count, 'rise')} to {threshold:g}")
                 break
 
     def _check_against_scans(self, made: Readout) -> None:
         """Report or note more counts than scans: of a slave one each, of the master one a frame."""
         link, ladder = SiteLink.of(made), made.ladder
-        scans = made.watched / link.healthy
-        if ladder is not None and ladder.thresholds_ms[0] <= (healthy := link.units(link.healthy)):
-            text = f"is {ladder.thresholds_ms[0]:g}, not above the healthy scan of {healthy:.1f}"
+        scans, healthy = made.watched / link.healthy, link.units(link.healthy)
+        if ladder is not None and (first := ladder.thresholds_ms[0]) <= healthy:
+            text = f"is {first:g}, not above the healthy scan of {healthy:.1f}"
             self.report.error(("ladder", "thresholds_ms", 0), text)
         for index, rises in enumerate(ladder.rises if ladder is not None else ()):
             if rises > scans:
                 text = f"is {rises}, more than the {scans:.0f} scans that were watched"
                 self.report.error(("ladder", "rises", index), text)
+        own = {common: mine for mine, common in self.names.items()}
         for index, station in enumerate(made.stations):
             for about in range(made.settings.slaves + 1):
                 most = scans if about else scans * (1 + made.settings.slaves * link.n)
                 if (count := station.exact(about) or 0) <= most + START:
                     continue
-                name = f"D{COUNT + about}"
-                own = next(mine for mine, common in self.names.items() if common == name)
+                name = own[f"D{COUNT + about}"]
                 text = f"counts {count} while it was watched, which is {scans:.0f} scans"
                 if station.before or not station.supposed:
-                    self.report.error(("stations", index, "after", own), text)
+                    self.report.error(("stations", index, "after", name), text)
                 else:  # a slave may have run before the master's last start
-                    self.notes.append(f"{station.label}: {own} {text}: it counts from before; give before")
+                    self.notes.append(f"{station.label}: {name} {text}: it counts from before; give before")
 
     # -- a calibration -----------------------------------------------------------------------------
 

@@ -41,11 +41,8 @@ class SteadyNoise:
     def applied(self, model: LinkModel) -> LinkModel:
         """The solver's link with it."""
         sides = (("rx", self.receivers), ("tx", self.senders))
-        parts = [
-            ("bus", None, self.wire),
-            *((side, k, ber) for side, each in sides for k, ber in each.items()),
-        ]
-        sources = tuple(NoiseSource(part, number, ber) for part, number, ber in parts if ber > 0)
+        ends = [NoiseSource(side, k, ber) for side, each in sides for k, ber in each.items()]
+        sources = tuple(each for each in (NoiseSource("bus", None, self.wire), *ends) if each.good > 0)
         stations = tuple(replace(s, loss=self.lost.get(s.number, 0.0)) for s in model.stations)
         return replace(model, noise=LineNoise(sources), stations=stations)
 
@@ -57,13 +54,12 @@ class SteadyNoise:
             ({"direction": "tx"}, "ber", self.senders),
             ({}, "reply_loss", self.lost),
         )
-        for side, key, by_station in kinds:
-            found += [
-                {"bus": BUS, "station": names[number], **side, key: value}
-                for number, value in sorted(by_station.items())
-                if value > 0
-            ]
-        return found
+        return found + [
+            {"bus": BUS, "station": names[number], **side, key: value}
+            for side, key, by_station in kinds
+            for number, value in sorted(by_station.items())
+            if value > 0
+        ]
 
 
 def plc_name(place: str, index: int) -> str:
@@ -89,10 +85,8 @@ class SiteLink:
     @classmethod
     def of(cls, readout: Readout, attempts: Attempts | None = None) -> SiteLink:
         """The link of a readout."""
-        names = []
-        for number in range(readout.settings.slaves + 1):
-            station = readout.at(number)
-            names.append(plc_name(station.place, number) if station is not None else f"station_{number}")
+        found = [(number, readout.at(number)) for number in range(readout.settings.slaves + 1)]
+        names = [plc_name(station.place if station else "", number) for number, station in found]
         if len({*names}) < len(names):
             names = [f"{name}_{number}" for number, name in enumerate(names)]
         looks = [look for station in readout.stations for look in station.after.looks if look]

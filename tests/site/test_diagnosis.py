@@ -62,6 +62,9 @@ def test_the_rd_lamp_tells_a_cut_at_the_last_plug_from_a_wrong_format(
     data = healthy()
     lost(data, 3, rd=rd)
     assert first(data, tmp_path) == (cause, 3)
+    before = found(data, tmp_path).causes[0].score
+    data["stations"][3]["lamps"]["SD"] = "dark"
+    assert found(data, tmp_path).causes[0].score == before + (rd == "flickers")
     del data["stations"][3]["lamps"]
     unseen = found(data, tmp_path)
     assert {one.cause.value for one in unseen.causes[:2]} == {"cable_cut", "wrong_format"}

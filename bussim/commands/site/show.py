@@ -47,10 +47,8 @@ def show_diagnosis(console: Console, readout: Readout, found: Diagnosis) -> None
         _line(console, "nothing in these readings points to a cause")
     for index, cause in enumerate(found.causes[:_SHOWN], 1):
         at = readout.label(cause.station)
-        style = "bold" if index == 1 else ""
-        _line(
-            console, f"{index}. {MEANINGS[cause.cause].format(at=at)} ({cause.score:.1f} points)", style=style
-        )
+        text = f"{index}. {MEANINGS[cause.cause].format(at=at)} ({cause.score:.1f} points)"
+        _line(console, text, style="bold" if index == 1 else "")
         for why in cause.evidence:
             _line(console, why, 5)
     if found.close:
@@ -129,8 +127,5 @@ def show_calibration(console: Console, found: Found, profile: str) -> None:
 
 def flow(entry: Mapping[str, object]) -> str:
     """An entry of a scenario on one line."""
-    values = (
-        f"{key}: {value:.3g}" if isinstance(value, float) else f"{key}: {value}"
-        for key, value in entry.items()
-    )
-    return "{" + ", ".join(values) + "}"
+    values = ((key, f"{value:.3g}" if isinstance(value, float) else value) for key, value in entry.items())
+    return "{" + ", ".join(f"{key}: {value}" for key, value in values) + "}"

@@ -102,6 +102,7 @@ def _deaf(w: Witness, tally: Tally) -> None:
     number = {station.place: station.supposed for station in readout.stations}
     lamps = {station.place: station.rd for station in readout.stations}
     dark, flickers = ([place for place in found if lamps[place] == lamp] for lamp in ("dark", "flickers"))
+    silent = any(s.place in found and s.sd == "dark" for s in readout.stations)
     away = {*found, *(s.place for s in readout.stations if s.halted)}
     here = order.index(master.place) if master is not None else 0
     ends = [(order[at], order[at:]) for at in range(here + 1, len(order))]
@@ -124,6 +125,8 @@ def _deaf(w: Witness, tally: Tally) -> None:
             wrong(4, f"the RD lamp of {place} flickers: signals arrive")
         if dark:
             wrong(-4, f"but the RD lamp of {place} is dark")
+        if flickers and silent:
+            wrong(1, f"the SD lamp of {place} is dark: it never replies")
 
 
 def _late_replies(w: Witness, tally: Tally, k: int) -> None:
