@@ -124,10 +124,7 @@ class Plc:
         self.on_wake: Callable[[int], None] | None = None
 
     def may_rest(self) -> None:
-        """Leave ENDs out that would change nothing, from RUN on. Whoever drives it sees to :attr:`on_wake`.
-
-        Not of a PLC whose ports or observed devices may show what changes with every END.
-        """
+        """Leave ENDs out, from RUN on, that nothing shows; whoever drives it sees to :attr:`on_wake`."""
         program, status = self._program, LINK_STATUS[self.profile.family].values()
         depends = dependence(program) if program is not None else Dependence()
         shown = self.port_registers or self._observes_specials or any(at in status for at in self._observed)
@@ -137,8 +134,7 @@ class Plc:
     @property
     def is_independent(self) -> bool:
         """Whether no received block changes what it does."""
-        kept = self._depends is None or self._may_rest
-        return self.received is None or (kept and not self._stores_blocks)
+        return self.received is None or not self._stores_blocks
 
     def scan_under_link(self) -> tuple[int, int]:
         """Mean and jitter of the scan while N:N runs, in ticks."""

@@ -14,7 +14,7 @@ and priority fire in the order in which they were set, chained or not.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from heapq import heappush
+from heapq import heappop, heappush
 from typing import Final
 
 import simpy
@@ -157,9 +157,13 @@ class Kernel:
         """
         if self.chained is not None:  # set while no action ran
             self.chained.unchain()
-        timers = [(int(at), event._value) for at, _, _, event in self.queue]  # noqa: SLF001 - see Timer
-        # Entries of timers that were set anew have another tick.
-        return min((at for at, timer in timers if at == timer.at and timer not in but), default=NEVER)
+        queue = self.queue  # where timers that were set anew have entries with another tick
+        if but:
+            timers = [(int(at), event._value) for at, _, _, event in queue]  # noqa: SLF001 - see Timer
+            return min((at for at, timer in timers if at == timer.at and timer not in but), default=NEVER)
+        while queue and queue[0][0] != queue[0][3]._value.at:  # noqa: SLF001
+            heappop(queue)
+        return int(queue[0][0]) if queue else NEVER
 
     def pass_events(self, tick: int, priority: int) -> None:
         """Within an action: do what happens before a tick, or at it with a more urgent priority."""

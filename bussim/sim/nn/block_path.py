@@ -11,7 +11,7 @@ the last byte with and without, which a test compares.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import zip_longest
+from itertools import chain, zip_longest
 from typing import TYPE_CHECKING, NamedTuple
 
 from bussim.engines.nn.events import AttemptEnded
@@ -63,8 +63,8 @@ class BlockPath:
         if stations is None:
             return False
         bus.unwatch()
-        independent = [] if stations.reading else [part for part in bus.parts if part.is_independent]
-        timers = {timer for part in independent for timer in part.timers}
+        parts = [] if stations.reading else [part.timers for part in bus.parts if part.is_independent]
+        timers = set(chain.from_iterable(parts))
         until = min(kernel.next(timers), bus.disturber.calm_until(now))
         if stations.reading:
             until = min([until, *self._same_until(stations, now)])
@@ -210,20 +210,23 @@ class BlockPath:
             kept.append([] if bus.sink.traced else _latest(starts[first:].tolist(), old - scans.data))
             heard = None if took is None else [each for each in took if each != sender.position]
             bus.sink.refreshed_often(bus.name, sender.position, starts + scans.data, heard)
-        # Keep the blocks that are sent at these ticks; meanwhile independent parts go on.
-        asked = [
-            # What a port has written into the block shows in the frame after it.
-            starts.tolist() if bus.parts and sender.plc.port_registers else wanted
-            for sender, starts, wanted in zip(senders, begun, kept, strict=True)
-        ]
+        # Keep the blocks that are sent at these ticks; meanwhile independent parts go on. What a port has
+        # written into a block shows in the frame after it.
         images: list[dict[int, bytes]] = [{} for _ in senders]
-        for start, station in sorted((start, at) for at, starts in enumerate(asked) for start in starts):
+        asked = sorted(
+            (start, station)
+            for station, (sender, starts, wanted) in enumerate(zip(senders, begun, kept, strict=True))
+            for start in (wanted if not sender.plc.port_registers else starts.tolist())
+            if bus.parts
+        )
+        for start, station in asked:
             self._kernel.pass_events(start, SENDING)
             images[station][start] = senders[station].plc.image_at(start)
-        self._kernel.pass_events(scans.end, 0)
+        if asked:
+            self._kernel.pass_events(scans.end, 0)
         for station, sender in enumerate(senders):
             for start in kept[station]:
-                image = images[station][start]
+                image = images[station].get(start) or sender.plc.image_at(start)
                 bus.block_history.received(station, start + scans.data, image, missed)
             if kept[station] and sender.engine is not None:
                 sender.engine.image = image

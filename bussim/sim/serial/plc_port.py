@@ -115,10 +115,7 @@ class PlcPort(SerialNode):
 
 
 class EndClock:
-    """Carries out those ENDs of a PLC that some port of it waits for; other ENDs are no events.
-
-    ``number`` is the PLC's place among all, ``timer`` that of its next END.
-    """
+    """Carries out those ENDs of a PLC, the ``number``-th, that something waits for; others are no events."""
 
     def __init__(self, plc: Plc, kernel: Kernel, ports: Iterable[PlcPort], number: int) -> None:
         self._plc = plc

@@ -122,3 +122,25 @@ def test_the_next_event_is_none_of_a_timer_that_was_set_anew() -> None:
     seen: list[int] = []
     kernel.run(80, seen.append)
     assert (found, seen, kernel.next()) == ([70], [80], 90)
+
+
+def test_events_are_passed_up_to_a_tick_and_priority_and_chained_ones_no_further() -> None:
+    kernel, found = Kernel(), []
+    later = kernel.timer(lambda now: found.append(("later", now)), 2)  # type: ignore[arg-type]
+
+    def first(now: int) -> None:
+        found.append(("first", now))
+        later.chain(70)
+
+    def passing(now: int) -> None:
+        assert kernel.next({early}) == 60
+        kernel.pass_events(60, 3)
+        found.append(("passed", now))
+
+    early = kernel.timer(first, 2)  # type: ignore[arg-type]
+    early.set(20)
+    for priority in (2, 3):
+        kernel.at(60, lambda now, p=priority: found.append((p, now)), priority)  # type: ignore[misc,arg-type]
+    kernel.at(10, passing, 2)  # type: ignore[arg-type]
+    kernel.run(100)
+    assert found == [("first", 20), (2, 60), ("passed", 10), (3, 60), ("later", 70)]
