@@ -84,12 +84,11 @@ class AreaMap(ABC):
         found: list[Part] = []
         at, end = address, address + count
         while at < end:
-            if not 0 <= index < len(areas) or not areas[index].start <= at < areas[index].end:
+            if not 0 <= index < len(areas):
                 return None
             area = areas[index]
-            taken = min(end, area.end) - at
-            offset = at - area.start
-            if offset % area.width or taken % area.width:
+            offset, taken = at - area.start, min(end, last := area.end) - at
+            if offset < 0 or at >= last or offset % area.width or taken % area.width:
                 return None
             found.append(Part(area, offset, taken))
             at += taken
