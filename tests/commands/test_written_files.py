@@ -9,6 +9,7 @@ import click
 import pytest
 
 from bussim.cli import COMMANDS, cli, main
+from tests.commands.site.test_site import CALIBRATION
 
 #: Where each writes what the test puts there first, in the current folder; ``{run}`` is the folder of a run.
 TARGETS = {
@@ -64,6 +65,29 @@ def test_what_was_written_is_printed_as_json(
         assert main([*words, "--force", "--json", "-o", str(file)]) == 0
         assert json.loads(capsys.readouterr().out) == {"schema": 1, "files": [str(file)]}
         assert file.read_text(encoding="utf-8") != "old"
+
+
+@pytest.mark.parametrize(
+    ("words", "target"),
+    [
+        ("size two_stations -o x.html", "x.html"),
+        ("size two_stations -o o", "o/size.json"),
+        ("exact two_stations --plot", "law_link.svg"),
+        ("site calibration.yaml -o x.yaml", "x.yaml"),
+    ],
+)
+def test_files_are_whole_before_anything_is_printed(
+    words: str, target: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # As under ``| head -1``: the screen is gone before all is printed.
+    def gone() -> None:
+        raise BrokenPipeError
+
+    monkeypatch.chdir(tmp_path)
+    Path("calibration.yaml").write_text(CALIBRATION, encoding="utf-8")
+    monkeypatch.setattr("bussim.commands.common.console.wide_console", gone)
+    main(words.split())
+    assert Path(target).stat().st_size > 0
 
 
 def test_every_command_that_writes_has_the_same_options() -> None:

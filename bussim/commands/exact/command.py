@@ -108,6 +108,7 @@ def command(
         drawn = [bus for bus, figures in found.items() if figures.distribution is not None]
         stems = {bus: folder / f"law_{file_names(found)[bus]}" for bus in drawn}
         check_pictures(stems.values(), force=force)
+    pictures = _draw(loaded, found, request, stems) if plot else []
     if as_json:
         print_json(solved.to_dict())
     else:
@@ -132,9 +133,8 @@ def command(
             from bussim.commands.common.latency_bounds import show_bounds
 
             show_bounds(console, bounds)
-    if plot:
-        for path in _draw(loaded, found, request, stems):
-            click.echo(path, err=as_json)
+    for path in pictures:
+        click.echo(path, err=as_json)
 
 
 def _levels(text: str) -> dict[str, float]:

@@ -49,6 +49,8 @@ def command(
     target = None if out is None else checked_target(Path(out), (".yaml", ".yml"), force=force)
     if decides is not None and not decides.unexplained:
         text = dumped(decides.profile(found.noted.profile.form))
+    if target is not None and text:
+        write_text(target, "# By bussim site, of a calibration; what is open has the assumed value.\n" + text)
     if as_json:
         print_json(found.to_dict(planned=planned))
     elif decides is None:
@@ -56,5 +58,4 @@ def command(
     else:
         show_calibration(wide_console(), decides, text)
     if target is not None and text:
-        write_text(target, "# By bussim site, of a calibration; what is open has the assumed value.\n" + text)
         click.echo(f"profile: {target}", err=as_json)

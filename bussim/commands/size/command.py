@@ -187,6 +187,16 @@ def command(
         for node, checks in verified.items():
             result["ports"][node]["verify"] = [verdict.to_json() for verdict in checks]
     text = to_json(result)
+    paths: list[Path] = []  # written before anything is printed: a reader may leave the screen half-way
+    if target is not None:
+        from bussim.commands.size.page import page_items
+        from bussim.report.sizing import sizing_page
+
+        with busy("working out the page"):
+            write_text(target, sizing_page(loaded.name if scenario else "", page_items(sized), lang or "en"))
+        paths = [target]
+    elif folder is not None:
+        paths = _write(loaded, found, text, folder, stems)
     if as_json:
         click.echo(text, nl=False)
     else:
@@ -200,16 +210,8 @@ def command(
             from bussim.commands.size.ports import show_port_sizing
 
             show_port_sizing(console, node, port, verified.get(node, []))
-    if target is not None:
-        from bussim.commands.size.page import page_items
-        from bussim.report.sizing import sizing_page
-
-        with busy("working out the page"):
-            write_text(target, sizing_page(loaded.name if scenario else "", page_items(sized), lang or "en"))
-        click.echo(target, err=as_json)
-    elif folder is not None:
-        for path in _write(loaded, found, text, folder, stems):
-            click.echo(path, err=as_json)
+    for path in paths:
+        click.echo(path, err=as_json)
     failed = [bus for bus, sizing in found.items() if sizing.recommended is None]
     # A list that cannot be sized is no failure beside a link that can.
     failed += [node for node, port in ports.items() if port.recommended is None and (port.valid or not found)]
