@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass, replace
 
 from bussim.devices.contract import MasterSettings
+from bussim.exact.metrics import YEAR
 from bussim.exact.polls.failures import failures
 from bussim.exact.sizing.noise_levels import BAD, LEVELS
 from bussim.exact.sizing.ports.setting import at_level
@@ -131,8 +132,11 @@ def _compare(
     if best is None:
         raise ValueError("nothing is recommended")
     listed, figures = best.figures.model, best.figures
-    longest = max((each.cycle.most for each in figures.dead), default=best.cycle or TICKS_PER_SECOND)
-    span = (longest if dead else best.cycle or longest) * _ATTEMPTS // max(1, len(listed.polls))
+    if dead:
+        span = max(each.cycle.most for each in figures.dead) * _ATTEMPTS // len(listed.polls)
+    else:
+        a_year = math.fsum(one.failures.a_year for one in figures.polls if one.failures is not None)
+        span = round(YEAR * _ATTEMPTS / a_year)
     ran = api.run(replace(scenario, duration=min(span, 3600 * TICKS_PER_SECOND)), rows=False)
     seen = ran.record.ports[node]
     expected = variance = 0.0

@@ -56,6 +56,14 @@ def test_a_scenario_without_a_link_is_sized_and_verified(line: str) -> None:
     assert "MOV K1 D7929  ; timeout: 10 ms" in shown
 
 
+def test_as_many_attempts_are_simulated_where_polls_have_a_period(line: str) -> None:
+    seldom = ["--set", "plcs.p.polls.m1.every=1s", "--set", "plcs.p.polls.m2.every=1s"]
+    done = CliRunner().invoke(size, [line, "--verify", "--json", *seldom])
+    assert done.exit_code == 0, done.output
+    with_noise, _ = json.loads(done.output)["ports"]["p.COM3"]["verify"]
+    assert 2_500 < with_noise["attempts"] < 4_000
+
+
 def test_no_timeout_is_shorter_than_a_response_of_a_run(
     line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
