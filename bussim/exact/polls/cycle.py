@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate
 
 from bussim.exact.metrics import YEAR
 from bussim.exact.polls.master_timing import MasterTiming, Span, exactly
@@ -87,7 +89,7 @@ class Round:
         self._first_before = max(master_timing.entry.most, model.first_end)
         self._first = next((poll for poll in model.polls if not poll.at), None)
         periods = {cost.poll.every for cost in costs}
-        same_start = len({cost.poll.at for cost in costs}) == 1
+        self._same_start = same_start = len({cost.poll.at for cost in costs}) == 1
         #: Whether the list goes round and round: every poll is due again when its turn comes, since it has
         #: no period, or since one turn of each poll takes longer than its period.
         self.continuous = periods == {0} or (
@@ -163,12 +165,23 @@ class Round:
             turn = max(turn, poll.every + self._waits.most - entry)
         return turn + self.all - self._turns[index].most + self.commands
 
+    @cached_property
+    def _due(self) -> tuple[set[int], list[int]]:
+        """The polls that are due again whenever their turn comes, and the least time of each poll's turn."""
+        owns = [cost.own(self._master_timing) + self._late for cost in self._costs]
+        every = [cost.poll.every for cost in self._costs]
+        by_period = sorted(range(len(owns)), key=every.__getitem__)
+        count = every.count(0)
+        for at, together in enumerate(accumulate(owns[at] for at in by_period), 1):
+            if self._same_start and every[by_period[at - 1]] <= together:
+                count = at
+        return set(by_period[:count]), owns
+
     def turns_a_year(self, index: int) -> float:
-        """How many turns a poll has in a year at most."""
-        every = self._costs[index].poll.every
-        period = self.period()
-        own = self._costs[index].own(self._master_timing) + self._late
-        return YEAR / (max(every, own) if period is None else period.least)
+        """How many turns a poll has in a year at most; between them each that is always due has one."""
+        period, (due, owns) = self.period(), self._due
+        own = sum(owns[at] for at in due | {index})
+        return YEAR / (max(self._costs[index].poll.every, own) if period is None else period.least)
 
     def share(self) -> tuple[float, float]:
         """Bounds of the long-run share of time for which its frames are on the wire."""

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from bussim.exact.polls.master_timing import Span
 from bussim.exact.polls.poll_list import PollListModel, PollModel
-from bussim.exact.text import ms
+from bussim.exact.text import at_least, at_most, ms
 from bussim.units import TICKS_PER_SECOND
 from bussim.wording import about, names
 
@@ -24,20 +24,19 @@ def when_off(devices: Sequence[str], polls: Sequence[PollModel], timeout: int, l
     who = f"{names(devices)} {'is' if len(devices) == 1 else 'are'} dead"
     return (
         f"{' + '.join(parts)}: {duration(lost)} when {who}; "
-        f"with the rest of the cycle {duration(cycle.least)}{_to(cycle)}"
+        f"with the rest of the cycle {_to(cycle)}{duration(cycle.most)}"
     )
 
 
 def _to(span: Span) -> str:
-    least, most = duration(span.least), duration(span.most)
-    return "" if least == most else f" to {most}"
+    return "" if span.fixed else f"{duration(span.least, at_least)} to "
 
 
-def duration(ticks: int) -> str:
+def duration(ticks: int, rounded: Callable[[float, int], float] = at_most) -> str:
     """``1.6 s``, ``350 ms``: four digits at most, above a second in seconds."""
     if ticks >= TICKS_PER_SECOND:
-        return f"{ticks / TICKS_PER_SECOND:.4g} s"
-    return f"{ticks * 1000 / TICKS_PER_SECOND:.4g} ms"
+        return f"{rounded(ticks / TICKS_PER_SECOND, 4):.4g} s"
+    return f"{rounded(ticks * 1000 / TICKS_PER_SECOND, 4):.4g} ms"
 
 
 def _count(number: int, one: str, more: str) -> str:

@@ -70,6 +70,17 @@ def test_attempts_and_turns_fail_as_often_as_they_should(kind: str) -> None:
     assert found.failed_a_year == pytest.approx(sum(one.failures.failed_a_year for one in found.polls))
 
 
+@pytest.mark.parametrize("every", [(0, 0, 0, 0, 1000), (50, 50, 50, 50, 1000), (0, 20, 50, 50, 400)])
+def test_polls_that_are_always_due_have_a_turn_between_those_of_another(every: tuple[int, ...]) -> None:
+    polls = (ask(f"q{n}", count=8, every=period * MS) for n, period in enumerate(every))
+    scenario = line(*polls, seconds=60)
+    ran = bussim.run(scenario, rows=False).record.ports["press.COM3"]
+    for one in only(scenario).polls:
+        assert one.failures is not None
+        bound = one.failures.a_year * scenario.duration / YEAR
+        assert 0.6 * bound < ran.polls[one.poll.name].turns <= bound + 1
+
+
 def test_where_attempts_depend_on_each_other_there_is_no_figure() -> None:
     burst = model.Noise("storm", BUS, model.Burst(SECOND, 20 * MS, 0, 1e-2))
     found = only(replace(line(ask()), noise=(burst,)))
