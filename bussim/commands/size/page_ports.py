@@ -73,6 +73,7 @@ def port_item(node: str, sizing: PortSizing) -> dict[str, Any]:
         **item,
         "valid": True,
         "least": plain_ms(sizing.least),
+        "interval": plain_ms(interval),
         "retries": list(range(MOST_RETRIES + 1)),
         "attempts": list(range(1, MOST_RETRIES + 2)),
         "timeouts": [plain_ms(timeout) for timeout in timeouts],

@@ -27,7 +27,8 @@ def show_port_sizing(
 
     model = sizing.model
     what = f"{model.protocol} on {model.bus}" if model.protocol else model.bus
-    line(f"{node}: {what}, {counted(len(model.polls), 'poll')}", 0, "bold")
+    polls = f", {counted(len(model.polls), 'poll')}" if model.polls else ""
+    line(f"{node}: {what}{polls}", 0, "bold")
     for reason in sizing.reasons:
         line(f"cannot be sized: {reason}")
     if not sizing.valid:
@@ -40,8 +41,10 @@ def show_port_sizing(
             line(f"not to be met: {unmet.text}", style="bold")
     else:
         retries = f"{counted(best.retries, 'retry')} = {counted(best.attempts, 'attempt')} a turn"
+        interval, own = (ms(time) for time in (best.interval, model.master_timing.interval))
+        instead = "" if interval == own else f" instead of {own} ms"
         line(
-            f"recommended: timeout {ms(best.timeout)} ms, {retries}, interval {ms(best.interval)} ms",
+            f"recommended: timeout {ms(best.timeout)} ms, {retries}, interval {interval} ms{instead}",
             style="bold green",
         )
         for text in (*_costs(best), *best.figures.in_words(), sizing.margin()):
@@ -65,7 +68,7 @@ def _costs(best: PortSetting) -> list[str]:
     said = [] if best.cycle is None else [f"cycle: at most {ms_at_most(best.cycle)} without errors"]
     if best.age is not None:
         said.append(f"oldest data: {ms_at_most(best.age)} without errors")
-    return [*said, f"failed turns: {a_year(best.errors)} a year ({noise})"]
+    return [*said, f"failed turns: at most {a_year(best.errors)} a year ({noise})"]
 
 
 def _show_table(console: Console, sizing: PortSizing) -> None:

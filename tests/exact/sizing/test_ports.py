@@ -95,6 +95,23 @@ def test_an_interval_is_what_the_slaves_need() -> None:
     assert ran.summary["devices"]["panel"]["timeouts"] == 0
 
 
+def test_a_pause_that_is_there_on_purpose_is_kept() -> None:
+    polls = (poll("a"), poll("b", 2))
+    scenario = serial_bus([station(), device("pump", "v80", 2), hmi("panel", *polls, interval=100 * MS)])
+    found = sized(scenario)
+    assert found.recommended is not None
+    assert found.recommended.interval == 100 * MS
+    (remedy,) = (each for each in found.remedies if "interval" in each.text)
+    assert remedy.text == "interval 5 ms instead of 100 ms, if nothing else needs that pause"
+    assert remedy.setting.interval == 5 * MS
+    assert (remedy.setting.dead or 0) < (found.recommended.dead or 0)
+    # A goal that it stands in the way of ends it.
+    best = sized(scenario, "cycle<=100ms").recommended
+    assert best is not None
+    assert best.interval == 5 * MS
+    assert sized(serial_bus([station(), hmi("panel", poll("a"), interval=MS)])).remedies == ()
+
+
 def test_goals_that_stand_against_each_other_and_what_helps() -> None:
     scenario = meters()
     found = sized(scenario, "dead<=400ms", "errors<=1/y")

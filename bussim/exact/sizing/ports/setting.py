@@ -61,10 +61,11 @@ def top_of_step(model: PollListModel, timeout: int) -> int:
 
 
 def intervals(model: PollListModel) -> tuple[int, ...]:
-    """Intervals in the order of trial: a port's default of 5 ms, and the least that all slaves understand."""
+    """Intervals in the order of trial: its own if longer than a port's default, that, what slaves need."""
     unit = TICKS_PER_MS if model.words is None else INTERVAL_UNIT
     least = max(1, -(-model.silence // unit)) * unit  # 0 in the word of a port stands for 5 ms
-    return (DEFAULT_INTERVAL, least) if least < DEFAULT_INTERVAL else (least,)
+    default = max(DEFAULT_INTERVAL, least)
+    return tuple(dict.fromkeys((max(model.master_timing.interval, default), default, least)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations, product
@@ -22,7 +22,7 @@ from bussim.exact.sizing.ports.setting import (
 )
 from bussim.exact.sizing.unmet_goals import Unmet, smallest_sets
 from bussim.exact.text import a_year, in_ms, ms, ms_at_most
-from bussim.plc.ports.cpavl import INTERVAL, INTERVAL_UNIT, TIMEOUT, TIMEOUT_UNIT
+from bussim.plc.ports.cpavl import DEFAULT_INTERVAL, INTERVAL, INTERVAL_UNIT, TIMEOUT, TIMEOUT_UNIT
 from bussim.scenario.fault_kinds import Slow
 from bussim.scenario.model import Scenario
 from bussim.units import TICKS_PER_MS
@@ -49,7 +49,8 @@ class Remedy:
         if found.dead_longest is not None and found.dead_longest > (found.dead or 0):
             dead += f" and {ms_at_most(found.dead_longest)} at most"
         cycle = "" if found.cycle is None else f": cycle {ms_at_most(found.cycle)}"
-        return f"{self.text} (then timeout {ms(found.timeout)} ms, retries {found.retries}{cycle}{dead})"
+        setting = f"timeout {ms(found.timeout)} ms, retries {found.retries}, interval {ms(found.interval)} ms"
+        return f"{self.text} (then {setting}{cycle}{dead})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,17 +167,23 @@ def _size(model: PollListModel, goals: Goals, changed: _Changed) -> PortSizing:
         return PortSizing(
             model, goals, (f"the longest response needs {ms(least)} ms, more than a port allows",)
         )
-    tried = list(_settings(model))
-    best = _least(tried, goals)
+    best = _least(_settings(model), goals)
     found = PortSizing(model, goals, least=least, recommended=best, table=_table(model, best))
     if best is not None:
         dead = best.dead or 0
-        cheaper = _skipping(model)
-        others = [_least(list(_settings(cheaper)), goals)] if dead > 2 * (best.cycle or 0) else []
+        tries: list[tuple[str, Iterable[PortSetting]]] = []
+        if dead > 2 * (best.cycle or 0):
+            tries.append((_SKIPPED, _settings(_skipping(model))))
+        sooner = [each for each in intervals(model) if each < best.interval]
+        if sooner and best.interval > DEFAULT_INTERVAL:
+            pause = f"interval {ms(sooner[0])} ms instead of {ms(best.interval)} ms"
+            tries.append((f"{pause}, if nothing else needs that pause", _settings(model, sooner)))
+        others = [(text, _least(settings, goals)) for text, settings in tries]
         remedies = tuple(
-            Remedy(_SKIPPED, each) for each in others if each is not None and (each.dead or 0) < dead
+            Remedy(text, each) for text, each in others if each is not None and (each.dead or 0) < dead
         )
         return replace(found, remedies=remedies)
+    tried = list(_settings(model))
     names = goals.of_ports()
     sets = smallest_sets(names, lambda some: any(_meets(each, goals, some) for each in tried))
     remedies = tuple(_remedies(model, tried, goals, changed))
@@ -185,11 +192,11 @@ def _size(model: PollListModel, goals: Goals, changed: _Changed) -> PortSizing:
     return replace(found, unmet=unmet, remedies=remedies)
 
 
-def _settings(model: PollListModel) -> Iterator[PortSetting]:
+def _settings(model: PollListModel, pauses: Sequence[int] = ()) -> Iterator[PortSetting]:
     """The settings that may be recommended, the cheapest first: no response is too late in any of them."""
     least = least_timeout(model)
     timeouts = dict.fromkeys((top_of_step(model, least), least))
-    for interval, retries, timeout in product(intervals(model), range(MOST_RETRIES + 1), timeouts):
+    for interval, retries, timeout in product(pauses or intervals(model), range(MOST_RETRIES + 1), timeouts):
         yield setting_of(model, timeout, retries, interval)
 
 
@@ -197,7 +204,7 @@ def _meets(setting: PortSetting, goals: Goals, names: tuple[str, ...]) -> bool:
     return all(setting.value(name) <= goals.limit(name) for name in names)
 
 
-def _least(tried: list[PortSetting], goals: Goals) -> PortSetting | None:
+def _least(tried: Iterable[PortSetting], goals: Goals) -> PortSetting | None:
     return next((each for each in tried if _meets(each, goals, goals.of_ports())), None)
 
 
@@ -282,7 +289,7 @@ def _tried(model: PollListModel, goals: Goals, changed: _Changed, kinds: tuple[s
         texts = [f"one read for {', '.join(names)}" for names in found.joined] if join else []
         texts += [f"{baud} bps instead of {own}"] if baud is not None else []
         texts += [_SKIPPED] if "skip" in kinds else []
-        setting = _least(list(_settings(_skipping(found) if "skip" in kinds else found)), goals)
+        setting = _least(_settings(_skipping(found) if "skip" in kinds else found), goals)
         if setting is not None:
             return Remedy(" and ".join(texts), setting)
     return None
