@@ -12,8 +12,6 @@ from bussim.live.wire import Wire
 _IN_A_ROW = 10
 #: Ports whose other side is a program, and no adapter.
 _PROGRAMS = ("pty", "listen:")
-
-
 #: Said of a port on which what is sent comes back.
 RETURNS = "returns what is sent, as some adapters do: use --echo"
 

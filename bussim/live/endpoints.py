@@ -112,8 +112,9 @@ def _checked_address(url: str) -> tuple[str, int] | None:
         host, port = parts.hostname, parts.port
     except ValueError:  # a port that is no number, or none that exists
         host = port = None
-    if not host or port is None or (port == 0 and scheme != "listen"):
-        raise UsageError(f"{url} has no host and port: write {scheme}://HOST:PORT, PORT is 1…65535")
+    least = 0 if scheme == "listen" else 1  # any that is free
+    if not host or port is None or port < least:
+        raise UsageError(f"{url} has no host and port: write {scheme}://HOST:PORT, PORT is {least}…65535")
     return host, port
 
 

@@ -172,4 +172,4 @@ class PortCheck:
             heard += data
             if data:  # what follows at once belongs to it
                 until = min(until, now + self._framing.quiet)
-        return bytes(wire.characters[value].value for value in heard).startswith(sent)
+        return sent in bytes(wire.characters[value].value for value in heard)

@@ -60,12 +60,14 @@ class Wire:
         self.counts = WireCounts()
         self.report = report
         self._endpoint: Endpoint | None = None
-        self._name = url
+        #: The URL; of a pseudo-terminal, what the other side opens.
+        self.name = url
         #: Characters by received byte.
         self.characters = characters_of(timing.format)
         #: Whether received bytes have the bit behind seven data bits.
         self.framed = False
-        self._instant = False
+        #: Whether bytes take no time on this wire.
+        self.instant = False
         self._warned: set[str] = set()
         self._retry_at = 0
         self._lost_at: int | None = None
@@ -80,10 +82,10 @@ class Wire:
 
     def _take(self, endpoint: Endpoint) -> None:
         self._endpoint = endpoint
-        self._name = endpoint.name
+        self.name = endpoint.name
         self.framed = endpoint.framed
         self.characters = characters_of(self.timing.format, framed=endpoint.framed)
-        self._instant = endpoint.instant if self.options.instant is None else self.options.instant
+        self.instant = endpoint.instant if self.options.instant is None else self.options.instant
         for text in endpoint.warnings:
             if text not in self._warned:
                 self._warned.add(text)
@@ -95,23 +97,13 @@ class Wire:
         return self._endpoint is not None
 
     @property
-    def name(self) -> str:
-        """The URL; of a pseudo-terminal, what the other side opens."""
-        return self._name
-
-    @property
     def handle(self) -> int | None:
         """The file that may be waited for, None where there is none."""
         return self._endpoint.handle if self._endpoint is not None else None
 
-    @property
-    def instant(self) -> bool:
-        """Whether bytes take no time on this wire."""
-        return self._instant
-
     def has_no_pace(self) -> None:
         """Bytes came sooner than rate and format let them, so that they take no time: said once."""
-        self._instant = True
+        self.instant = True
         self.report(
             f"{self.url} is faster than {self.timing.baud} {self.timing.format} can be: "
             "its bytes take no time, and response times are the other side's alone"

@@ -49,7 +49,7 @@ from bussim.wording import counted
 FOREVER = 100 * 365 * 86_400 * 72_000_000
 #: Said of a wire whose bytes take no time.
 _NO_PACE = (
-    "has no pace: what others send takes no time there, so that scan times are shorter than on a line, and a "
+    "has no pace: what others send takes no time there, so that {} times are shorter than on a line, and a "
     "bus load may be above 100 %; --paced on both sides spaces bytes at the line's rate"
 )
 
@@ -231,10 +231,9 @@ class Session:
 
     def hints(self) -> tuple[str, ...]:
         """What is to be known of the wires that an N:N link is served on."""
-        pairs = zip(self.targets, self.wires, strict=True)
         return tuple(
-            f"{wire.name} {_NO_PACE}"
-            for target, wire in pairs
+            f"{wire.name} {_NO_PACE.format('scan')}"
+            for target, wire in zip(self.targets, self.wires, strict=True)
             if target.protocol is BusProtocol.NN and wire.instant and not wire.options.paced
         )
 
@@ -289,7 +288,8 @@ class Session:
         for target, wire in zip(self.targets, self.wires, strict=True):
             warnings.append(f"{target.name} leads to {target.url}: its times are the operating system's")
             if wire.instant and not wire.options.paced:
-                warnings.append(f"{target.url} {_NO_PACE}")
+                of = "scan" if target.protocol is BusProtocol.NN else "response"
+                warnings.append(f"{target.url} {_NO_PACE.format(of)}")
             if wire in echoing:
                 warnings.append(f"{target.url} {RETURNS}")
             counts = wire.counts

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from operator import index
+from typing import SupportsIndex
 
 from bussim.devices.v80.map import V80, V80_ITEMS
 from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION, Mode
@@ -36,22 +38,21 @@ class Items:
     def __iter__(self) -> Iterator[int]:
         return (self._device.get(self._space, at) for at in range(len(self)))
 
-    def __getitem__(self, address: int | slice) -> int | list[int]:
+    def __getitem__(self, address: SupportsIndex | slice) -> int | list[int]:
         if isinstance(address, slice):
             return [self._device.get(self._space, each) for each in range(*address.indices(len(self)))]
         return self._device.get(self._space, self._checked(address))
 
-    def __setitem__(self, address: int | slice, value: int | Iterable[int]) -> None:
-        if isinstance(address, slice):
-            if isinstance(value, int):
-                raise TypeError("a slice takes as many values as it has addresses")
-            where, values = range(*address.indices(len(self))), list(value)
-            if len(where) != len(values):
-                raise ValueError(f"{counted(len(values), 'value')} for {counted(len(where), 'address')}")
-        elif isinstance(value, int):
-            where, values = range(self._checked(address), address + 1), [value]
-        else:
-            raise TypeError("one address takes one value")
+    def __setitem__(
+        self, address: SupportsIndex | slice, value: SupportsIndex | Iterable[SupportsIndex]
+    ) -> None:
+        if isinstance(address, slice) is not isinstance(value, Iterable):
+            raise TypeError("one address takes one whole number, a slice as many as it has addresses")
+        whole = address if isinstance(address, slice) else slice(at := self._checked(address), at + 1)
+        where = range(len(self))[whole]
+        values = [index(each) for each in (value if isinstance(value, Iterable) else [value])]
+        if len(where) != len(values):
+            raise ValueError(f"{counted(len(values), 'value')} for {counted(len(where), 'address')}")
         most = 1 if self._space.is_bit else 0xFFFF
         for each in values:
             if not 0 <= each <= most:
@@ -64,10 +65,10 @@ class Items:
         more = f", … {len(held) - _SHOWN} more" if len(held) > _SHOWN else ""
         return f"<{counted(len(self), 'item')}, all 0 but {{{', '.join(held[:_SHOWN])}{more}}}>"
 
-    def _checked(self, address: int) -> int:
-        if not 0 <= address < len(self):
-            raise IndexError(f"address {address}, allowed 0…{len(self) - 1}")
-        return address
+    def _checked(self, address: SupportsIndex) -> int:
+        if not 0 <= (at := index(address)) < len(self):
+            raise IndexError(f"address {at}, allowed 0…{len(self) - 1}")
+        return at
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +100,7 @@ class Station:
         self.registers = Items(device, Space.HOLDING)
 
     def __repr__(self) -> str:
-        return ", ".join(f"{name}={items!r}" for name, items in vars(self).items() if any(items))
+        return ", ".join(f"{name}={items!r}" for name, items in vars(self).items() if any(items)) or "all 0"
 
 
 class ServedBus(ServedSlave):
@@ -126,6 +127,8 @@ class ServedBus(ServedSlave):
                 raise ValueError(f"station {number}, allowed {FIRST_STATION}…{LAST_STATION}")
         if not devices:
             raise ValueError("a bus needs a station")
+        if baud < 1:
+            raise ValueError(f"baud {baud}, at least 1")
         self._stations = {number: Station(device) for number, device in devices.items()}
         super().__init__(
             url,

@@ -9,9 +9,14 @@ from typing import Any
 import pytest
 
 import bussim
+from bussim.commands.poll.plan import Planned
+from bussim.commands.poll.session import Tally
 from bussim.devices.registry import MODELS
+from bussim.engines.modbus.pdu import Request
+from bussim.engines.modbus.polls import Poll
 from bussim.engines.nn.frames import MODES
 from bussim.engines.nn.states import MASTER
+from bussim.live.wire import WireCounts
 from bussim.plc.link_registers import LinkRegisters
 from bussim.plc.memory import Memory
 from bussim.plc.profiles import PROFILES
@@ -160,6 +165,12 @@ def test_the_keys_of_a_latency_are_documented() -> None:
     assert keys == {
         key for row in table(page("programs"), "`latency:`") for key in re.findall(r"`(\w+)", row[0])
     }
+
+
+def test_the_keys_of_a_poll_s_summary_are_documented() -> None:
+    (row,) = (line for line in page("results").splitlines() if line.startswith("| `poll --json` |"))
+    tally = Tally(Planned(Poll(1, Request(3, 0, 1)), "p", 0, None))
+    assert {*tally.to_json(), *WireCounts().to_json()} <= set(re.findall(r"`(\w+)`", row))
 
 
 @pytest.mark.parametrize(

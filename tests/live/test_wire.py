@@ -160,6 +160,7 @@ def test_the_link_of_another_program_is_never_replaced(tmp_path: Path) -> None:
         ("socket://:502", "write socket://HOST:PORT"),
         ("rfc2217://box:seven", "write rfc2217://HOST:PORT"),
         ("socket://box:65536", "PORT is 1…65535"),
+        ("listen://127.0.0.1:65536", "PORT is 0…65535"),
     ],
 )
 def test_a_port_that_is_not_there_is_a_mistake_of_the_user(url: str, why: str) -> None:

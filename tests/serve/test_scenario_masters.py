@@ -118,6 +118,8 @@ def test_a_master_that_may_have_taken_a_late_response_is_warned_of(delay: float,
     warnings = [text for text in serving.totals().warnings if "cannot tell" in text]
     assert bool(warnings) is warned
     assert all(text.startswith("screen took ") for text in warnings)
+    (pace,) = (text for text in serving.totals().warnings if "has no pace" in text)
+    assert ("response times" in pace, "scan times" in pace) == (True, False)
 
 
 def test_requests_that_fail_while_this_computer_is_late_are_not_counted() -> None:

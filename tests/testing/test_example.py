@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import serial
 
@@ -91,6 +92,7 @@ def test_what_cannot_be_is_said() -> None:
         ({"stations": ()}, "needs a station"),
         ({"delay": -1}, "allowed 0…3600"),
         ({"mode": "tcp"}, "tcp"),
+        ({"baud": 0}, "at least 1"),
     ]
     for settings, said in wrong:
         with pytest.raises(ValueError, match=said):
@@ -154,10 +156,23 @@ def test_items_are_lists_of_fixed_length() -> None:
         for where, values in ((slice(0, 3), [1, 2]), (0, -1), (0, 65536), (slice(0, 1), [70000])):
             with pytest.raises(ValueError, match=r"addresses|allowed 0…65535"):
                 registers[where] = values  # type: ignore[assignment]
+        wrong: tuple[tuple[int | slice, Any], ...] = (
+            (slice(0, 2), [1, 1.5]),
+            (0, 1.5),
+            (0, [1]),
+            (slice(0, 1), 1),
+            (slice(0, 1), "1"),
+        )
+        for at, given in wrong:
+            with pytest.raises(TypeError):
+                registers[at] = given
         with pytest.raises(ValueError, match="allowed 0…1"):
             bus.coils[0] = 2
         assert list(registers) == mirror  # a refused write has written nothing
         assert "2: 1, 4: 2, 6: 3, 9996: 7, 9997: 8, 9998: 65535" in repr(bus)
+        assert repr(bus.station(2)) == "all 0"
+        registers[0], registers[1:3] = np.uint16(4), np.array([5, 6], dtype=np.uint16)
+        assert registers[:3] == [4, 5, 6]
 
 
 def test_faults_are_one_stations_and_a_refused_write_is_not_carried_out() -> None:

@@ -90,7 +90,10 @@ class ResyncingMaster(PollingMaster):
         self._unanswered.remove(late)
         same = late.request == self._request
         taken = (same or not self._resync) and _answers(adu, self._station, self._request)
-        self._events.append(ForeignFrame(now, start, adu.station, late, taken))
+        # A slave may have ignored what it was asked while busy: any other request may be the one answered.
+        others = (one for one in self._unanswered if one.request != self._request)
+        other = next((one for one in others if taken and _answers(adu, one.station, one.request)), late)
+        self._events.append(ForeignFrame(now, start, adu.station, other if same else late, taken))
         if not taken:
             return EVENTS | (self._timed_out(now) if self._overdue else 0)
         self._doubtful = Unanswered(self._station, self._request, self._asked or now)

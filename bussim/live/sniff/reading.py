@@ -43,8 +43,9 @@ class Settings:
     layout: Layout = ASSUMED
 
     def timing(self, protocol: LineProtocol | None, baud: int | None = None) -> LineTiming:
-        """Rate and format: what is said, else the rate given, else as usual for a protocol (None: N:N)."""
-        usual = USUAL[self.protocol or protocol or LineProtocol.NN]
+        """Rate and format: what is said, else as usual for a protocol (None: N:N, without parity RTU)."""
+        likely = LineProtocol.RTU if self.parity == "N" else LineProtocol.NN
+        usual = USUAL[self.protocol or protocol or likely]
         return LineTiming(self.baud or baud or usual.baud, self.format(usual.format))
 
     def setup(

@@ -59,6 +59,27 @@ def test_a_server_that_responds_at_once_is_no_echo(mode: Mode, capsys: pytest.Ca
     assert (code, found["ok"], found["echo"]) == (0, 1, False)
 
 
+def test_an_echo_is_known_where_the_response_comes_before_that_of_the_read(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Station 1 responds while an adapter that holds bytes back has the read already; station 9 is not there."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def adapter() -> None:
+            client, _ = server.accept()
+            with client:
+                client.sendall(written := client.recv(8))
+                client.sendall(written + client.recv(8))
+                while data := client.recv(8):
+                    client.sendall(data)
+
+        threading.Thread(target=adapter, daemon=True).start()
+        url = f"socket://127.0.0.1:{server.getsockname()[1]}"
+        code, found, err = polled(capsys, url, "-a", "1,9", "--tolerance", "100 ms", "77")
+    assert (code, found["ok"], found["echo"]) == (1, 0, True)
+    assert "--echo" in err
+
+
 @pytest.mark.slow
 def test_a_server_that_accepts_and_closes_ends_a_single_poll(capsys: pytest.CaptureFixture[str]) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:

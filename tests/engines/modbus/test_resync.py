@@ -119,6 +119,13 @@ def test_without_resync_a_late_response_shifts_all_that_follow_and_is_told() -> 
     assert [frame.taken for frame in found.foreign] == [True] * 8
 
 
+def test_without_resync_a_slave_that_ignores_requests_while_it_is_busy_is_told() -> None:
+    """A takes 140 ms, and B is asked meanwhile, in vain: each value of B is A's, and is said to be A's."""
+    found = run([A, B], [140, None] * 4, resync=False, transactions=8)
+    assert [ended.request for ended in wrong(found)] == [B.request] * 4
+    assert [frame.late and frame.late.request for frame in found.foreign] == [A.request] * 4
+
+
 def test_the_next_request_leaves_as_soon_as_the_late_response_has_come() -> None:
     found = run([A, B], [140], transactions=2)
     (late,) = found.foreign

@@ -6,10 +6,11 @@ import pytest
 
 from bussim.engines.modbus.adu import Mode, encode_adu
 from bussim.engines.nn.frames import LinkSettings, encode_data, encode_parameters, encode_poll
-from bussim.line.characters import NN_LINE
+from bussim.line.characters import NN_LINE, CharFormat, LineTiming
 from bussim.live.arrival import Arrivals, characters_of
 from bussim.live.sniff.heard import LineProtocol
 from bussim.live.sniff.listener import Listener
+from bussim.live.sniff.reading import Settings
 from bussim.live.sniff.recognise import Recogniser
 from bussim.results.collector import Collector
 
@@ -55,3 +56,10 @@ def test_one_opening_hears_all_protocols(protocol: LineProtocol, frames: list[by
         recogniser.chars(arrivals.chunk(frame, now))
     recogniser.close(now)
     assert [listener.protocol for listener in heard] == [protocol]
+
+
+def test_a_port_without_parity_is_opened_with_eight_data_bits() -> None:
+    """With seven an adapter would take the last bit of RTU's characters for their stop bit."""
+    assert Settings(parity="N").timing(None) == LineTiming(19200, CharFormat(8, "N", 1))
+    assert Settings(parity="N", protocol=LineProtocol.ASCII).timing(None).format.data_bits == 7
+    assert Settings(parity="O").timing(None) == LineTiming(38400, CharFormat(7, "O", 1))
