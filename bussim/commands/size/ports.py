@@ -72,10 +72,12 @@ def _costs(best: PortSetting) -> list[str]:
 
 
 def _show_table(console: Console, sizing: PortSizing) -> None:
+    interval = ms(sizing.table[0].interval)
     table = plain_table(
         (),
         ("timeout", "retries", "failed turns a year", "cycle", "one dead", "two dead", "oldest data"),
-        title="settings: times in ms, at most; – where it is not known, or there are not so many devices",
+        title=f"settings with an interval of {interval} ms: times in ms, at most; "
+        "– where it is not known, or there are not so many devices",
     )
     for each in sizing.table:
         times = (each.cycle, each.dead_longest, each.two_dead, each.age)

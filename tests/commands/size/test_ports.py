@@ -52,6 +52,7 @@ def test_a_scenario_without_a_link_is_sized_and_verified(line: str) -> None:
     assert off["dead"] in {"s1", "s2"}
     shown = CliRunner().invoke(size, [line]).output
     assert "2 devices" not in shown
+    assert "settings with an interval of 5 ms: times in ms" in shown
     assert f"recommended: timeout 10 ms, {port['recommended']['retries']} retries" in shown
     assert "MOV K1 D7929  ; timeout: 10 ms" in shown
 
