@@ -328,5 +328,5 @@ def _show(tallies: list[Tally], summary: dict[str, Any]) -> None:
         click.echo(f"frames that were no responses: {count} × {reason}")
     port = summary["port"]
     if port["losses"] or port["dropped"]:
-        lost = f"{counted(port['losses'], 'time')} for {port['away_s']:.1f} s"
-        click.echo(f"port: lost {lost}, {counted(port['dropped'], 'byte')} unsent")
+        lost = f"lost {counted(port['losses'], 'time')} for {port['away_s']:.1f} s, " * (port["losses"] > 0)
+        click.echo(f"port: {lost}{counted(port['dropped'], 'byte')} unsent")

@@ -96,6 +96,11 @@ def test_a_server_that_accepts_and_closes_ends_a_single_poll(capsys: pytest.Capt
         server.shutdown(socket.SHUT_RDWR)
 
 
+def test_a_port_that_nobody_opens_is_not_lost(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["poll", "listen://127.0.0.1:0", "-1", "-o", "50 ms"]) == 1
+    assert "port: 8 bytes unsent" in capsys.readouterr().out
+
+
 def test_a_port_that_is_faster_than_its_rate_is_known(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
