@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Barrier
@@ -255,7 +256,16 @@ def test_many_runs_take_folders_of_their_own(tmp_path: Path) -> None:
     assert not any(tmp_path.iterdir())
 
 
+@pytest.fixture
+def interrupts() -> Iterator[None]:
+    """Ctrl-C is not ignored, as it is by what a shell has put into the background."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @posix
+@pytest.mark.usefixtures("interrupts")
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 @pytest.mark.parametrize(
     "words",
@@ -268,11 +278,7 @@ def test_many_runs_take_folders_of_their_own(tmp_path: Path) -> None:
 def test_a_signal_ends_a_command_in_order(
     words: list[str], number: signal.Signals, code: int, tmp_path: Path
 ) -> None:
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        process = program(*words, cwd=tmp_path)
-    finally:
-        signal.signal(signal.SIGINT, before)
+    process = program(*words, cwd=tmp_path)
     while process.poll() is None and not (tmp_path / "o.incomplete").exists():
         time.sleep(0.01)
     time.sleep(0.3)
@@ -286,6 +292,7 @@ def test_a_signal_ends_a_command_in_order(
 
 @posix
 @pytest.mark.slow
+@pytest.mark.usefixtures("interrupts")
 @pytest.mark.parametrize("wait", [tenths / 10 for tenths in range(8)])
 def test_an_interrupt_by_the_terminal_reaches_workers_as_well(wait: float, tmp_path: Path) -> None:
     """Ctrl-C goes to every process of the foreground; those that are starting would print tracebacks."""
@@ -301,11 +308,7 @@ def test_an_interrupt_by_the_terminal_reaches_workers_as_well(wait: float, tmp_p
         "--out",
         "o",
     ]
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        process = program(*words, cwd=tmp_path, start_new_session=True)
-    finally:
-        signal.signal(signal.SIGINT, before)
+    process = program(*words, cwd=tmp_path, start_new_session=True)
     while process.poll() is None and not (tmp_path / "o.incomplete").exists():
         time.sleep(0.01)
     time.sleep(wait)
@@ -334,6 +337,7 @@ program()
 
 
 @posix
+@pytest.mark.usefixtures("interrupts")
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_in_a_callback_of_the_interpreter_is_not_lost(
     number: signal.Signals, code: int, tmp_path: Path
@@ -353,6 +357,7 @@ def test_a_signal_in_a_callback_of_the_interpreter_is_not_lost(
 
 
 @posix
+@pytest.mark.usefixtures("interrupts")
 def test_a_signal_waits_until_workers_are_started() -> None:
     before = signal.getsignal(signal.SIGINT)
     started = []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
@@ -72,7 +71,14 @@ def _read(text: str) -> tuple[object, SourceMap]:
 
 def _same(one: object, other: object) -> bool:
     """Whether two plain values are equal, of the same types, in whatever order their keys are."""
-    return json.dumps(one, sort_keys=True) == json.dumps(other, sort_keys=True)
+    return _compared(one) == _compared(other)
+
+
+def _compared(value: object) -> str:
+    """A value as text that tells 1 from true and 1.0; a number that is none equals itself."""
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key!r}: {_compared(value[key])}' for key in sorted(value))}}}"
+    return f"[{', '.join(map(_compared, value))}]" if isinstance(value, list) else repr(value)
 
 
 class _Places:
