@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 #: The file in a folder that the process that writes it has locked.
 LOCK = "LOCK"
+#: The file that marks a run's folder as incomplete.
+INCOMPLETE = "INCOMPLETE"
 
 #: What a file may be that is no plain one.
 _KINDS = (

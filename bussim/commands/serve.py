@@ -123,6 +123,7 @@ def _folder(
         force=force,
         numbered=out is None and not force,
         header=session_header(scenario, lines),
+        live=True,
     )
     return stack.enter_context(folder)
 

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, TextIO, TypeVar, assert_never, cast
 
 from bussim.errors import UsageError
-from bussim.files import plain
+from bussim.files import INCOMPLETE, plain
 from bussim.trace.codec import Line, from_line, header_line, header_of, to_line, type_of
 from bussim.trace.records import (
     AttemptRecord,
@@ -85,10 +85,14 @@ class TraceWriter:
 
 
 class Trace:
-    """A trace's header and its records, which may be read any number of times."""
+    """A trace's header and its records, which may be read any number of times.
 
-    def __init__(self, header: TraceHeader, source: Source) -> None:
+    ``is_cut`` says that it was not written to its end, so that it may be over long before the run's.
+    """
+
+    def __init__(self, header: TraceHeader, source: Source, *, is_cut: bool = False) -> None:
         self.header = header
+        self.is_cut = is_cut
         self._source = source
 
     def __iter__(self) -> Iterator[Record]:
@@ -163,7 +167,8 @@ def read_trace(path: str | os.PathLike[str]) -> Trace:
             raise UsageError(f"{location} has no {TRACE}: it was run without a trace (--trace)")
         location /= TRACE
     file = _File(location)
-    return Trace(file.header, file.records)
+    is_cut = file.lacks_its_end() or location.with_name(INCOMPLETE).is_file()
+    return Trace(file.header, file.records, is_cut=is_cut)
 
 
 def trace_of(header: TraceHeader, records: Iterable[Record]) -> Trace:
@@ -210,6 +215,12 @@ class _File:
                 raise UsageError(f"{self._path}:{number}: is not a line of a trace: {error}") from error
             except OSError as error:
                 raise UsageError(f"{self._path} cannot be read: {error.strerror or error}") from error
+
+    def lacks_its_end(self) -> bool:
+        """Whether the last line, in which every trace ends, has no end."""
+        with plain(self._path).open("rb") as file:
+            file.seek(-1, os.SEEK_END)  # there is a header
+            return file.read(1) != b"\n"
 
     def _open(self) -> TextIO:
         try:

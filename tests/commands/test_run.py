@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from bussim.cli import main
-from bussim.results.store.folder import MARKER
+from bussim.results.store.folder import INCOMPLETE
 from bussim.results.store.load import FolderRows, load_run
 from bussim.trace.records import AttemptRecord, ScanRecord
 
@@ -166,7 +166,7 @@ def test_interrupted_from_the_keyboard(tmp_path: Path) -> None:
         process = program("run", "--duration", "100h", "--out", "o", cwd=tmp_path)
     finally:
         signal.signal(signal.SIGINT, before)
-    marker = tmp_path / "o.incomplete" / MARKER
+    marker = tmp_path / "o.incomplete" / INCOMPLETE
     while not marker.exists() and process.poll() is None:
         time.sleep(0.01)
     process.send_signal(signal.SIGINT)
@@ -174,7 +174,7 @@ def test_interrupted_from_the_keyboard(tmp_path: Path) -> None:
     assert process.returncode == 130, err
     assert "Traceback" not in err
     assert out == ""
-    assert all((folder / MARKER).is_file() for folder in tmp_path.iterdir())
+    assert all((folder / INCOMPLETE).is_file() for folder in tmp_path.iterdir())
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGINT cannot be sent to one process")

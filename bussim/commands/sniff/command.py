@@ -164,7 +164,9 @@ class _Session:
             form = str(self.timing.format)
             line = TraceBus(self.bus, shared, self.timing.baud, form, tuple(stations), stations)
             header = TraceHeader(buses=(line,), scenario=self.bus, exact=self.exact)
-            folder = RunFolder(Path(out), rows=True, traced=True, fmt="csv", force=force, header=header)
+            folder = RunFolder(
+                Path(out), rows=True, traced=True, fmt="csv", force=force, header=header, live=True
+            )
             self.folder = stack.enter_context(folder)
         rows = self.folder.rows if self.folder is not None else None
         master = self.names.get(0, station_name(0))

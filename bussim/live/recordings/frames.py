@@ -29,6 +29,10 @@ class TraceFile(Source):
         self._trace, self.bus, self.header = trace, bus, trace.header
         header = trace.header
         self.facts = Facts()
+        if trace.is_cut:
+            self.facts.warnings["cut_file"] = (
+                "the trace was not written to its end, and is read as far as it goes"
+            )
         self.begin, self.resolution = 0, 1
         self.exact, self.tolerant = header.exact, not header.exact
         self.times = "exact" if header.exact else "system"
@@ -87,7 +91,7 @@ class TraceFile(Source):
 
     def end(self) -> int | None:
         """See the source of a recording."""
-        return self.header.duration
+        return None if self._trace.is_cut else self.header.duration
 
 
 def open_trace(path: Path, bus: str | None) -> TraceFile:

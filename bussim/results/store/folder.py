@@ -13,7 +13,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from bussim.errors import RunError, UsageError
-from bussim.files import LOCK, empty_folder, locked, not_written, reason, remove_folder
+from bussim.files import INCOMPLETE, LOCK, empty_folder, locked, not_written, reason, remove_folder
 from bussim.results.run_record import RunRecord
 from bussim.results.store.rows import FileRows
 from bussim.results.store.tables import FORMATS, import_pyarrow
@@ -22,8 +22,6 @@ from bussim.trace.records import TraceHeader
 if TYPE_CHECKING:
     from filelock import BaseFileLock
 
-#: The file that marks a folder as incomplete.
-MARKER = "INCOMPLETE"
 #: What is added to a folder's name while it is written.
 SUFFIX = ".incomplete"
 
@@ -50,7 +48,8 @@ class RunFolder:
             ...  # hand records to folder.rows
             folder.finish(record, scenario_yaml)
 
-    Leaving the block without :meth:`finish` removes what was written. A process that is killed
+    Leaving the block without :meth:`finish` removes what was written, but where writing failed and it is
+    ``live``: heard on a real line, which cannot be run again. A process that is killed
     leaves the folder ``<target>.incomplete`` with a file ``INCOMPLETE`` in it; the next run of the
     same name replaces it.
 
@@ -71,6 +70,7 @@ class RunFolder:
         force: bool = False,
         numbered: bool = False,
         header: TraceHeader | None = None,
+        live: bool = False,
     ) -> None:
         if fmt not in FORMATS:
             raise UsageError(f"the format is {fmt!r}, allowed are {' and '.join(FORMATS)}")
@@ -79,6 +79,7 @@ class RunFolder:
         if target.is_symlink():
             target = target.resolve()
         self._force = force
+        self._live = live
         self._finished = False
         if not numbered:
             _check_target(target, force=force)
@@ -88,7 +89,7 @@ class RunFolder:
             try:
                 self.rows = FileRows(self._part, rows=rows, traced=traced, fmt=fmt, header=header)
             except BaseException:
-                remove_folder(self._part, [MARKER], self._lock)
+                remove_folder(self._part, [INCOMPLETE], self._lock)
                 raise
         except OSError as error:
             raise not_written(target, error) from error
@@ -102,13 +103,19 @@ class RunFolder:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
+        kept = self._live and isinstance(error, OSError)
         if not self._finished:
             with contextlib.suppress(OSError):  # the error before it is the one to report
                 self.rows.close()
             with contextlib.suppress(OSError):
-                remove_folder(self._part, [MARKER], self._lock)
+                if kept:
+                    self._lock.release()
+                else:
+                    remove_folder(self._part, [INCOMPLETE], self._lock)
         if isinstance(error, OSError):
-            raise RunError(f"{self.target}: writing failed: {reason(error)}") from error
+            what = f"{self.target}: writing failed: {reason(error)}"
+            where = f"; what was heard until then is in {self._part}, until another one of this name is begun"
+            raise RunError(what + (where if kept and not self._finished else "")) from error
 
     def size(self) -> int:
         """Bytes that were written so far."""
@@ -133,11 +140,11 @@ class RunFolder:
         old = self.target.with_name(self.target.name + ".old" + SUFFIX)
         _remove_old(old)
         if self.target.exists():
-            (self.target / MARKER).write_text(_REPLACED_TEXT, encoding="utf-8", newline="\n")
+            (self.target / INCOMPLETE).write_text(_REPLACED_TEXT, encoding="utf-8", newline="\n")
             try:
                 self.target.replace(old)
             except OSError:  # on Windows: a file in it is open in another program
-                (self.target / MARKER).unlink()
+                (self.target / INCOMPLETE).unlink()
                 raise
         if sys.platform == "win32":
             self._lock.release()  # an open file keeps its folder from being renamed there
@@ -145,13 +152,15 @@ class RunFolder:
         (self.target / LOCK).unlink()
         self._lock.release()
         # The marker goes last: killed before, the folder is whole but still says incomplete.
-        (self.target / MARKER).unlink()
+        (self.target / INCOMPLETE).unlink()
         _remove_old(old)
 
 
 def is_run(folder: Path) -> bool:
     """Whether a folder is a run's, be it whole or incomplete."""
-    return (folder / MARKER).is_file() or ((folder / SUMMARY).is_file() and (folder / HISTOGRAMS).is_file())
+    return (folder / INCOMPLETE).is_file() or (
+        (folder / SUMMARY).is_file() and (folder / HISTOGRAMS).is_file()
+    )
 
 
 def numbered_names(wanted: Path) -> Iterator[Path]:
@@ -179,10 +188,10 @@ def _taken(target: Path, *, numbered: bool) -> tuple[Path, Path, BaseFileLock]:
                 continue
             raise UsageError(f"{part} is being written by another run; wait for it or choose another name")
         if numbered and candidate.exists():  # it became whole in between
-            remove_folder(part, [MARKER], lock)
+            remove_folder(part, [INCOMPLETE], lock)
             continue
-        (part / MARKER).write_text(_MARKER_TEXT, encoding="utf-8", newline="\n")
-        empty_folder(part, [MARKER, LOCK])
+        (part / INCOMPLETE).write_text(_MARKER_TEXT, encoding="utf-8", newline="\n")
+        empty_folder(part, [INCOMPLETE, LOCK])
         return candidate, part, lock
     raise AssertionError
 
@@ -209,21 +218,21 @@ def _is_foreign(part: Path) -> bool:
     """Whether a folder's name is taken by something that bussim did not leave."""
     if not part.is_dir():
         return part.exists()
-    return not (part / MARKER).is_file() and any(entry.name != LOCK for entry in part.iterdir())
+    return not (part / INCOMPLETE).is_file() and any(entry.name != LOCK for entry in part.iterdir())
 
 
 def _check_not_foreign(part: Path) -> None:
     if _is_foreign(part):
         raise UsageError(
             f"{part} is needed for writing, but exists and was not left by bussim (it has no file "
-            f"{MARKER}); move it away or choose another name"
+            f"{INCOMPLETE}); move it away or choose another name"
         )
 
 
 def _remove_old(old: Path) -> None:
     if old.exists():
         _check_not_foreign(old)
-        remove_folder(old, [MARKER])
+        remove_folder(old, [INCOMPLETE])
 
 
 def _write_json(path: Path, data: dict[str, Any], *, indent: int | None) -> None:

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bussim.errors import UsageError
+from bussim.files import INCOMPLETE
 from bussim.results.run_record import RunRecord
-from bussim.results.store.folder import HISTOGRAMS, MARKER, SUFFIX, SUMMARY
+from bussim.results.store.folder import HISTOGRAMS, SUFFIX, SUMMARY
 from bussim.results.store.in_memory import frame
 from bussim.results.store.rows import FORMS, Form
 from bussim.results.store.safe_names import from_cell
@@ -39,7 +40,7 @@ def load_run(folder: Path) -> RunRecord:
         hint = f"; {part} is a run that was not finished" if folder.name and part.is_dir() else ""
         what = "is a file, not the folder of a run" if folder.exists() else "does not exist"
         raise UsageError(f"{folder} {what}{hint}")
-    if (folder / MARKER).is_file():
+    if (folder / INCOMPLETE).is_file():
         raise UsageError(f"{folder} is incomplete: its run was stopped before it had finished; run it again")
     if not (folder / SUMMARY).is_file():
         runs = sorted(path.parent.name for path in folder.glob(f"*/{SUMMARY}"))

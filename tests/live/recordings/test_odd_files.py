@@ -182,3 +182,23 @@ def test_lost_replies_of_a_station_that_no_scenario_has_refuse_nothing(
     assert main(["check", str(target)]) == 0
     capsys.readouterr()
     assert "station249" not in target.read_text(encoding="utf-8")
+
+
+def test_a_trace_that_was_not_written_to_its_end(tmp_path: Path) -> None:
+    """It lasts as long as it goes: a run of which a third was written has not been silent for the rest."""
+    run = ["run", "two_stations", "--trace", "--duration", "2s", "--no-plots", "--out", str(tmp_path / "run")]
+    assert main(run) == 0
+    whole = sniffed(tmp_path / "run" / "trace.jsonl")
+    assert "cut_file" not in codes(whole)
+    lines = (tmp_path / "run" / "trace.jsonl").read_text("utf-8").splitlines(keepends=True)
+    third = "".join(lines[: len(lines) // 3])
+    (tmp_path / "cut.jsonl").write_text(third[:-20], "utf-8")
+    killed = tmp_path / "killed.incomplete"
+    killed.mkdir()
+    (killed / "trace.jsonl").write_text(third, "utf-8")
+    (killed / "INCOMPLETE").touch()
+    for path in (tmp_path / "cut.jsonl", killed):
+        found = sniffed(path)
+        assert "cut_file" in codes(found)
+        assert 0.4 < found["duration_s"] < 0.9
+        assert found["bus_load"] == pytest.approx(whole["bus_load"], rel=0.05)

@@ -12,9 +12,12 @@ from pathlib import Path
 import pytest
 
 from bussim.errors import RunError, UsageError
-from bussim.results.store.folder import MARKER, RunFolder
+from bussim.files import INCOMPLETE
+from bussim.results.store.folder import RunFolder
 from bussim.results.store.load import load_run
 from bussim.results.store.rows import FileRows
+from bussim.trace.file import read_trace
+from bussim.trace.records import FrameRecord
 from bussim.units import TICKS_PER_SECOND
 from tests.results.fakes import Fake, quiet
 from tests.selection import quick
@@ -71,7 +74,7 @@ def test_rows_are_on_disk_while_the_run_goes_on(tmp_path: Path) -> None:
     with RunFolder(tmp_path / "run", rows=True, traced=False, fmt="csv") as folder:
         quiet().run(rows=folder.rows)  # 1,200 scans
         part = tmp_path / "run.incomplete"
-        assert (part / MARKER).is_file()
+        assert (part / INCOMPLETE).is_file()
         assert (part / "link_scans.csv").stat().st_size > 30_000
         assert not (tmp_path / "run").exists()
 
@@ -95,6 +98,25 @@ def test_a_full_disk_is_a_failed_run(tmp_path: Path, monkeypatch: pytest.MonkeyP
     with pytest.raises(RunError, match=r"run: writing failed: No space left on device"):
         write(tmp_path / "run")
     assert names(tmp_path) == set()
+
+
+def test_a_full_disk_loses_nothing_that_was_heard_on_a_line(tmp_path: Path) -> None:
+    """A recording cannot be made again as a run can; the next one of its name may begin where it lies."""
+
+    def recorded() -> None:
+        with RunFolder(tmp_path / "line", rows=True, traced=True, fmt="csv", live=True) as folder:
+            SHORT.run(traced=True, rows=folder.rows)
+            raise OSError(28, "No space left on device")
+
+    for _ in range(2):
+        with pytest.raises(
+            RunError, match=r"line: writing failed: No space left .* is in .*line\.incomplete"
+        ):
+            recorded()
+        assert names(tmp_path) == {"line.incomplete"}
+        trace = read_trace(tmp_path / "line.incomplete")
+        assert trace.is_cut
+        assert len(list(trace.of(FrameRecord))) > 10
 
 
 def test_an_existing_folder_is_refused(tmp_path: Path) -> None:
@@ -148,7 +170,7 @@ def test_a_file_in_the_way_is_refused(tmp_path: Path) -> None:
 def test_what_a_killed_run_left_is_replaced(tmp_path: Path) -> None:
     part = tmp_path / "run.incomplete"
     part.mkdir()
-    (part / MARKER).write_text("left")
+    (part / INCOMPLETE).write_text("left")
     (part / "link_scans.csv").write_text("half a li")
     write(tmp_path / "run")
     assert names(tmp_path) == {"run"}
@@ -185,7 +207,7 @@ def test_free_folders_are_numbered_and_stale_ones_used_again(tmp_path: Path) -> 
     wanted = tmp_path / "run"
     assert taken(wanted) == wanted
     (tmp_path / "run.incomplete").mkdir()
-    (tmp_path / "run.incomplete" / MARKER).write_text("left")
+    (tmp_path / "run.incomplete" / INCOMPLETE).write_text("left")
     assert taken(wanted) == wanted
     for number in ("run", "run-2", "run-3"):
         (tmp_path / number).mkdir()
@@ -254,9 +276,9 @@ def test_killed_at_any_moment_a_folder_is_whole_or_marked(tmp_path: Path, mode: 
         process.send_signal(signal.SIGKILL)
         process.communicate()
         for folder in tmp_path.iterdir():
-            if not (folder / MARKER).is_file():
+            if not (folder / INCOMPLETE).is_file():
                 assert not any(folder.iterdir()) or folder == target
-        if target.exists() and not (target / MARKER).is_file():
+        if target.exists() and not (target / INCOMPLETE).is_file():
             assert names(target) == FILES
             load_run(target)
         # And the next run of that name has its way.
@@ -313,7 +335,7 @@ def test_killed_between_any_two_changes_of_the_disk(
         finished = attempt(allowed, target)
         for folder in tmp_path.iterdir():
             whole = names(folder) == FILES
-            assert whole or (folder / MARKER).is_file() or not any(folder.iterdir())
+            assert whole or (folder / INCOMPLETE).is_file() or not any(folder.iterdir())
         if finished:
             assert names(tmp_path) == {"run"}
             break

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from bussim.errors import UsageError
-from bussim.results.store.folder import MARKER
+from bussim.results.store.folder import INCOMPLETE
 from bussim.results.store.load import FolderRows, load_run
 from bussim.trace.records import ScanRecord
 from bussim.units import TICKS_PER_SECOND
@@ -68,7 +68,7 @@ def test_a_folder_of_something_else(finished: Path, tmp_path: Path) -> None:
 
 
 def test_an_incomplete_one(folder: Path) -> None:
-    (folder / MARKER).write_text("")
+    (folder / INCOMPLETE).write_text("")
     with pytest.raises(UsageError, match="is incomplete"):
         load_run(folder)
 
