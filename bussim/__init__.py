@@ -98,6 +98,10 @@ class _Folder(ModuleType):
         return function
 
     @property
+    def __doc__(self) -> str | None:  # type: ignore[override] # of a class it is a text
+        return self.__wrapped__.__doc__
+
+    @property
     def __signature__(self) -> Signature:
         import inspect
 

@@ -55,6 +55,24 @@ def test_a_function_and_a_folder_of_one_name_are_both_there() -> None:
     assert bussim.sweep.run is sweep_module  # type: ignore[attr-defined]
 
 
+def test_results_fit_into_a_line() -> None:
+    """What a notebook shows of the last line of a cell; a field's whole content would be pages."""
+    assert repr(bussim.exact("two_stations", refresh=False)) == (
+        "<Exact of 'two stations': link: mean 34.200 ms, worst case 428.942 ms>"
+    )
+    said = repr(bussim.size("nn_with_modbus"))
+    assert said.startswith(
+        "<Sized of 'N:N with Modbus beside it': link: 4 retries, timeout 60 ms; press1.COM3: "
+    )
+    assert len(said) < 200
+
+
+@pytest.mark.parametrize("name", ["exact", "report", "site", "sweep"])
+def test_help_on_a_function_is_not_of_the_folder_of_its_name(name: str) -> None:
+    called = getattr(bussim, name)
+    assert inspect.getdoc(called) == inspect.getdoc(getattr(called, "__wrapped__", called))
+
+
 def test_exact_is_what_the_command_prints(capsys: pytest.CaptureFixture[str]) -> None:
     import json
 

@@ -11,6 +11,7 @@ from bussim.exact.from_scenario import from_scenario
 from bussim.exact.metrics import Figures, Request, figures_of
 from bussim.exact.periods import Period, periods_of
 from bussim.exact.sizing.assumptions import rests_on
+from bussim.exact.text import ms_cell
 from bussim.scenario import loader
 from bussim.scenario.model import Scenario
 from bussim.scenario.provenance import ASSUMED
@@ -27,7 +28,7 @@ Progress = Callable[[str, int, int], None]
 _LEVELS = ("1e-3", "1e-6", "1e-9")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Exact:
     """What ``bussim exact`` says of a scenario; :meth:`to_dict` is its JSON form.
 
@@ -41,6 +42,13 @@ class Exact:
     polls: dict[str, PollFigures]
     latency: Mapping[str, LatencyBound]
     periods: dict[str, list[tuple[Period, Figures]]] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        said = [
+            f"{bus}: mean {ms_cell(each.mean)} ms, worst case {ms_cell(each.worst_case)} ms"
+            for bus, each in self.links.items()
+        ]
+        return f"<Exact of {self.scenario.name!r}: {'; '.join([*said, *self.polls, *self.latency])}>"
 
     def to_dict(self) -> dict[str, object]:
         """The JSON form, times in ms."""

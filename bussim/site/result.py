@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class SiteResult:
     """What ``bussim site`` says of one file; :meth:`to_dict` is its JSON form.
 
@@ -34,6 +34,11 @@ class SiteResult:
     diagnosis: Diagnosis | None = None
     pictures: dict[Attempts | None, Picture] | None = None
     decides: Found | None = None
+
+    def __repr__(self) -> str:
+        causes = self.diagnosis.causes if self.diagnosis else ()
+        kind = "calibration" if self.decides else ", ".join(str(one.cause) for one in causes) or "no cause"
+        return f"<SiteResult: {kind}>"
 
     def to_dict(self, *, planned: bool = False) -> dict[str, Any]:
         """The JSON form, times in ms; ``planned``: with how long to watch, for a readout."""

@@ -13,6 +13,7 @@ from bussim.exact.sizing.goals import LINK_GOALS, PORT_GOALS, Goals
 from bussim.exact.sizing.ports.size import PortSizing, size_ports
 from bussim.exact.sizing.size import Sizing
 from bussim.exact.sizing.size import size as size_link
+from bussim.exact.text import ms
 from bussim.scenario import loader
 from bussim.scenario.model import Scenario
 from bussim.units import TICKS_PER_MS
@@ -21,8 +22,11 @@ from bussim.wording import names, suggest
 if TYPE_CHECKING:
     import pandas as pd
 
+    from bussim.exact.sizing.choice import Choice
+    from bussim.exact.sizing.ports.setting import PortSetting
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True, slots=True, repr=False)
 class Sized:
     """What ``bussim size`` recommends; :meth:`to_dict` is its JSON form.
 
@@ -33,6 +37,16 @@ class Sized:
     scenario: Scenario
     links: dict[str, Sizing]
     ports: dict[str, PortSizing]
+
+    def __repr__(self) -> str:
+        settings: dict[str, Choice | PortSetting | None] = {
+            name: each.recommended for part in (self.links, self.ports) for name, each in part.items()
+        }
+        said = [
+            f"{name}: " + (f"{best.retries} retries, timeout {ms(best.timeout)} ms" if best else "no setting")
+            for name, best in settings.items()
+        ]
+        return f"<Sized of {self.scenario.name!r}: {'; '.join(said)}>"
 
     def to_dict(self) -> dict[str, object]:
         """The JSON form, times in ms."""
