@@ -82,9 +82,9 @@ class LocalExecutor(Executor):
             initializer=_end_with,
             initargs=(os.getpid(),),
         )
-        # Starting a tracker of resources lets signals through again, so both are started before.
-        loky_tracker.ensure_running()
         if sys.platform != "win32":
+            # Starting a tracker of resources lets signals through again, so both are started before.
+            loky_tracker.ensure_running()
             resource_tracker.ensure_running()
         outcomes: Any = None
         try:

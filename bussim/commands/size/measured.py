@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from bussim.errors import UsageError
+from bussim.wording import counted
 
 
 def longest_responses(folder: Path) -> dict[str, float]:
@@ -24,7 +25,9 @@ def longest_responses(folder: Path) -> dict[str, float]:
         if longest is not None:
             found[name] = float(longest)
         if entry.get("late_responses"):
-            late = f"{name}: {entry['late_responses']:,} responses of {folder} came after the timeout"
+            late = (
+                f"{name}: {counted(entry['late_responses'], 'response')} of {folder} came after the timeout"
+            )
             click.echo(f"warning: {late}, so that their times are not known; run it with more", err=True)
     if not found:
         raise UsageError(f"--responses {folder}: no Modbus master of this run received a response")

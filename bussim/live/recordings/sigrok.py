@@ -23,7 +23,7 @@ from bussim.live.recordings.errors import RecordingError
 from bussim.live.recordings.source import Chunk, Facts, LineSetup, Source
 from bussim.live.recordings.waveform import SPIKE, Receiver
 from bussim.units import TICKS_PER_SECOND
-from bussim.wording import visible
+from bussim.wording import counted, visible
 
 if TYPE_CHECKING:
     import numpy as np
@@ -74,7 +74,7 @@ class SigrokFile(Source):
             size = path.stat().st_size
             raise RecordingError(
                 f"{path}: no sigrok session: {error}; one that was cut off lacks the directory at the end of "
-                f"the archive: 'zip -FF {path.name} --out whole.sr' makes one of its {size:,} bytes"
+                f"the archive: 'zip -FF {path.name} --out whole.sr' makes one of its {counted(size, 'byte')}"
             ) from error
         try:
             self._read_metadata()

@@ -229,7 +229,7 @@
       get(`${key}-shown`).textContent = text;
       get(key).setAttribute("aria-valuetext", text);
     }
-    get("least").textContent = word(kind("least"), { least: time(item.least), interval: time(item.interval) });
+    get("least").textContent = word(kind("least"), { least: time(item.least), interval: time(item.interval ?? null) });
     get("curve-said").textContent = word("curve.said");
     get("trade-said").textContent = word(kind("trade.said"));
     for (const [id, names] of [["tiles", TILES], ["strip", STRIP]]) {

@@ -85,11 +85,9 @@ _SEPARATES = {
     ),
     (Cause.NUMBER_TWICE, Cause.SLOW_REPLY): _NUMBERS,
     (Cause.NUMBER_TWICE, Cause.TWO_MASTERS): _NUMBERS,
-}
-#: The same for a cause and any other.
-_ANY = {
-    Cause.STATION_OFF: "put that station into RUN and read all again: what is left has another cause",
-    Cause.HEALTHY: "let counts come: bussim site --plan says how long with which reading",
+    # From any other cause.
+    (Cause.STATION_OFF, None): "put that station into RUN and read all again: what is left has another cause",
+    (Cause.HEALTHY, None): "let counts come: bussim site --plan says how long with which reading",
 }
 _NOISE = tuple(cause for cause in Cause if cause.value.startswith("noise"))
 #: With which causes a symptom goes.
@@ -168,6 +166,7 @@ class Tally:
 
 def separating(one: Finding, two: Finding) -> str:
     """The reading that tells two findings apart."""
-    pair = one.cause, two.cause
-    found = _SEPARATES.get(pair) or _SEPARATES.get(pair[::-1]) or _ANY.get(pair[0]) or _ANY.get(pair[1])
-    return found or "read all stations again after 10 minutes and give both readings (before, after)"
+    first, second = one.cause, two.cause
+    pairs = (first, second), (second, first), (first, None), (second, None)
+    again = "read all stations again after 10 minutes and give both readings (before, after)"
+    return next((_SEPARATES[pair] for pair in pairs if pair in _SEPARATES), again)
