@@ -77,7 +77,7 @@ def loads(text: str, overrides: Iterable[str] = (), *, allow_code: bool = False)
 def examine(text: str, *, name: str = "<string>", files: Mapping[str, bytes] | None = None) -> Examined:
     """The scenario in a text or every mistake in it, and its warnings, with their lines and columns.
 
-    Nothing is read from the disk, whoever wrote the text: programs and tables that it names are those in
+    No file that the text names is read from the disk: programs and tables that it names are those in
     ``files``, by the names that the text has for them, or come with bussim; functions of a user are a
     mistake. ``name`` stands for the file in messages. Raises nothing for what is wrong with the text.
     """

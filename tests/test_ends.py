@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -20,7 +21,7 @@ from bussim.cli import main
 from bussim.errors import RunError, UsageError
 from bussim.files import written_whole
 from bussim.results.store.folder import RunFolder
-from bussim.sweep.executors import _signals_later
+from bussim.sweep.executors import _close, _signals_later
 
 ROOT = Path(__file__).parents[1]
 posix = pytest.mark.skipif(sys.platform == "win32", reason="devices, pipes and signals of POSIX")
@@ -372,3 +373,16 @@ def test_a_signal_waits_until_workers_are_started() -> None:
         start()
     assert started == ["whole"]
     assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_what_a_thread_says_is_heard_again_after_a_sweep() -> None:
+    """Also where giving up its tasks fails."""
+
+    class Broken:
+        def close(self) -> None:
+            raise RuntimeError
+
+    before = threading.excepthook
+    with pytest.raises(RuntimeError):
+        _close(Broken())
+    assert threading.excepthook is before

@@ -124,7 +124,7 @@ class Plc:
         self.on_wake: Callable[[int], None] | None = None
 
     def may_rest(self) -> None:
-        """Leave ENDs out, from RUN on, that nothing shows; whoever drives it sees to :attr:`on_wake`."""
+        """Leave ENDs out, from RUN on, that nothing shows; its driver sets :attr:`on_wake`."""
         program, status = self._program, LINK_STATUS[self.profile.family].values()
         depends = dependence(program) if program is not None else Dependence()
         shown = self.port_registers or self._observes_specials or any(at in status for at in self._observed)

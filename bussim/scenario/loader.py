@@ -97,7 +97,7 @@ def examine(
 
 
 def examine_text(text: str, *, name: str = "<string>", files: Mapping[str, bytes] | None = None) -> Examined:
-    """Like :func:`examine` for a text, of whoever wrote it: nothing is read from the user's folders.
+    """Like :func:`examine` for a text, from which nothing in the user's folders is read.
 
     ``name`` stands for the file in messages. Programs and tables that the text names are those of ``files``,
     by the names that the text has for them, and those that come with bussim.

@@ -96,15 +96,22 @@ class LocalExecutor(Executor):
         except BrokenProcessPool as error:
             raise WorkerLost("a worker process died (is there enough memory?)") from error
         finally:
-            hook = threading.excepthook
-            with warnings.catch_warnings():
-                # joblib complains that tasks were given up, which is what closing is for, and its thread
-                # may meet one that has just been taken from it.
-                warnings.simplefilter("ignore", UserWarning)
-                threading.excepthook = lambda _: None
-                if outcomes is not None:
-                    outcomes.close()
-            threading.excepthook = hook
+            if outcomes is not None:
+                _close(outcomes)
+
+
+def _close(outcomes: Any) -> None:
+    """Give up what joblib has not done, without the complaints about it.
+
+    It says that tasks were given up, and its thread may meet one that has just been taken from it.
+    """
+    hook, threading.excepthook = threading.excepthook, lambda _: None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)
+            outcomes.close()
+    finally:
+        threading.excepthook = hook
 
 
 @contextmanager

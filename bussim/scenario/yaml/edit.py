@@ -37,10 +37,10 @@ def edit(text: str, changes: Mapping[str, object]) -> str:
 
 def _edited(text: str, path: str, value: object) -> str:
     label = f"changing {path}"
-    before, _ = _read(text)
-    after, source_map = _read(text)
+    data, source_map = _read(text)
+    before = copied(data, label)
     override = Override(path, dumped_inline(copied(value, label)), label)
-    after = apply_overrides(after, source_map, [override])
+    after = apply_overrides(data, source_map, [override])
     if _same(before, after):
         return text
     import yaml
@@ -51,8 +51,8 @@ def _edited(text: str, path: str, value: object) -> str:
     for start, end, new in sorted(_Places(text).changes(root, before, after), reverse=True):
         changed = changed[:start] + new + changed[end:]
     # Not every way of writing YAML is known here (anchors, merged keys): what came out is read.
-    data, _, problems = read(changed, label)
-    if problems or not _same(data, after):
+    said, _, problems = read(changed, label)
+    if problems or not _same(said, after):
         raise UsageError(
             f"{label}: it cannot be changed by itself, as others use it or as it is written; change the text "
             "by hand"

@@ -145,8 +145,8 @@ class Files:
 class GivenFiles(Files):
     """Finds those that it is given, by name, and those that come with bussim; it reads no folder of the user.
 
-    A message about a table quotes its lines: of a scenario that somebody else wrote, no name may lead to
-    what lies on this computer.
+    A message about a table quotes its lines: in a scenario of another author, no name may lead
+    to a file of this computer.
     """
 
     def __init__(self, given: Mapping[str, bytes]) -> None:
