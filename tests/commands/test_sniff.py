@@ -258,7 +258,8 @@ def broken(tmp_path: Path) -> Path:
         (b"PK\x03\x04 no zip", "no sigrok session"),
         (b"\n\r\r\n" + bytes(40), "at byte 0"),
         (b"0.0 01\n0.1 xyz\n0.2 q\n", "broken:2: 'xyz' are no bytes"),
-        (b"{}\n", "is not a trace"),
+        (b'{"type":1}\n', "is not a trace"),
+        (b'{"ts": 1.5, "data": "01 03"}\n' * 2, "readable are lines"),
     ],
 )
 def test_broken_recordings_are_exit_code_2(

@@ -35,7 +35,7 @@ def kind_of(path: Path) -> Kind:
         return Kind.PACKETS
     if head.startswith(b"PK"):
         return Kind.SIGROK
-    if head.lstrip().startswith(b"{"):
+    if head.startswith(b'{"type":'):
         return Kind.TRACE
     if not head:
         raise RecordingError(f"{path} is empty")
