@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import unicodedata
 from collections.abc import Iterable, Sequence
@@ -170,3 +171,14 @@ def counted(number: float, what: str) -> str:
         what = f"{what[:-1]}ie" if what.endswith("y") and what[-2] not in "aeiou" else what
         what += "es" if what.endswith("s") else "s"
     return f"{number:,.15g} {what}"
+
+
+def in_ms(value: float, *, most: bool = False) -> str:
+    """Milliseconds for a sentence, with one decimal; from 1000 on seconds with two.
+
+    ``most``: rounded up, for what is said not to be exceeded.
+    """
+    scaled = value / 10 if value >= 1000 else value * 10
+    # Up from the nanoseconds that a summary has, not from what a binary fraction adds to them.
+    steps = math.ceil(round(scaled, 7)) if most else round(scaled)
+    return f"{steps / 100:,.2f} s" if value >= 1000 else f"{steps / 10:,.1f} ms"

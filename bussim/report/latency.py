@@ -22,8 +22,8 @@ from bussim.results.text.latency import (
     part_names,
     shown_bounds,
 )
-from bussim.results.verdict.catalogue import in_ms
 from bussim.units import milliseconds
+from bussim.wording import in_ms
 
 _COUNTS = {
     "changes": "changes",

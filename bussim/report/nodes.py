@@ -9,7 +9,7 @@ from bussim.report import charts, tables
 from bussim.report.parts import Chart, Charts
 from bussim.report.runs import Source
 from bussim.report.tables import CODE, Cell, Table, number, pointer
-from bussim.results.verdict.catalogue import meaning
+from bussim.words.formats import meaning
 
 _SECTIONS = ("ports", "devices")
 

@@ -20,10 +20,9 @@ from bussim.results.meters.histogram import Histogram
 from bussim.results.meters.timeline import fault_spans
 from bussim.results.plots.scan_times import run_labels
 from bussim.results.plots.style import RUNS
-from bussim.results.verdict.catalogue import in_ms
 from bussim.results.verdict.verdict import about as about_bus
 from bussim.units import seconds
-from bussim.wording import about, counted, shell_word
+from bussim.wording import about, counted, in_ms, shell_word
 
 
 @dataclass(frozen=True, slots=True)

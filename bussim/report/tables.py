@@ -15,10 +15,10 @@ from bussim.results.meters.histogram import BIN_TICKS, Histogram, bar_width, sta
 from bussim.results.meters.timeline import time_on
 from bussim.results.registers import own_name, own_names
 from bussim.results.text.run import lost_by_station
-from bussim.results.verdict.catalogue import meaning
 from bussim.trace.records import AttemptRecord
 from bussim.units import milliseconds
 from bussim.wording import about
+from bussim.words.formats import meaning
 
 #: Where a quantile has too few samples beyond it, or a figure does not exist.
 NONE = "–"

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from bussim.report.runs import ExactDistribution
-from bussim.results.verdict.catalogue import in_ms
+from bussim.wording import in_ms
 
 
 def expected(link: Mapping[str, Any], distribution: ExactDistribution | None) -> list[str]:

@@ -19,8 +19,8 @@ from bussim.report.tables import stations, turnarounds_of
 from bussim.results.meters.histogram import BIN_TICKS, Histogram
 from bussim.results.run_record import RunRecord
 from bussim.results.text.latency import counts_in_words
-from bussim.results.verdict.catalogue import in_ms
 from bussim.trace.records import AttemptRecord
+from bussim.wording import in_ms
 
 
 @pytest.fixture(scope="module")

@@ -18,9 +18,9 @@ from bussim.live.polling import PollTurns, Turn
 from bussim.live.wire import Wire
 from bussim.results.meters.histogram import Histogram
 from bussim.results.store.tables import INT, MILLISECONDS, SECONDS, TEXT, CsvTable
-from bussim.results.verdict.catalogue import meaning
 from bussim.units import milliseconds, nanoseconds, seconds
 from bussim.wording import counted
+from bussim.words.formats import meaning
 
 if TYPE_CHECKING:
     from bussim.commands.poll.plan import Plan, Planned

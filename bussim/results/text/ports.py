@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from bussim.results.verdict.catalogue import meaning
 from bussim.wording import counted
+from bussim.words.formats import meaning
 
 #: What statistics of times are called.
 SHOWN = {"min": "min", "p50": "median", "mean": "mean", "p99": "p99", "max": "max"}

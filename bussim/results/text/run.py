@@ -9,9 +9,9 @@ from bussim.results.registers import own_name
 from bussim.results.run_record import RunRecord
 from bussim.results.text.latency import latency_lines
 from bussim.results.text.ports import SHOWN, alone_lines, port_lines, rare, times_in_words
-from bussim.results.verdict.catalogue import meaning
 from bussim.results.verdict.link import has_external_master
 from bussim.wording import counted
+from bussim.words.formats import meaning
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -10,7 +10,7 @@ from bussim.results.meters.failures import Cause, Irregulars, Times
 from bussim.results.meters.link import LinkRecord
 from bussim.results.numbers import by_code
 from bussim.results.registers import own_name, own_names
-from bussim.results.verdict.catalogue import is_fault, render
+from bussim.results.verdict.catalogue import is_fault
 from bussim.results.verdict.parts import (
     DISTURBING,
     Away,
@@ -23,6 +23,7 @@ from bussim.results.verdict.parts import (
     summed,
 )
 from bussim.units import TICKS_PER_SECOND
+from bussim.words.formats import render
 
 #: Causes that a finding of its own has said: of a node's driver, of a PLC that was not in RUN.
 _SAID = (Cause.SHOWN, Cause.STOPPED)

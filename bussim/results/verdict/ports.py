@@ -7,9 +7,9 @@ from typing import Any
 
 from bussim.results.meters.failures import Irregulars
 from bussim.results.meters.ports import PortRecord
-from bussim.results.verdict.catalogue import render
 from bussim.results.verdict.parts import Finding, driver_findings, in_all, noted
 from bussim.trace.records import LATE_RESPONSE, Outcome
+from bussim.words.formats import render
 
 #: Frames that a slave ignores because it is busy are the master's doing, and stand there.
 _BUSY = "busy with another request"

@@ -9,10 +9,11 @@ from typing import Any
 from bussim.results.meters.failures import Irregulars
 from bussim.results.meters.link import LinkRecord
 from bussim.results.meters.ports import PortRecord
-from bussim.results.verdict.catalogue import is_fault, render
+from bussim.results.verdict.catalogue import is_fault, sentence
 from bussim.results.verdict.link import link_findings
 from bussim.results.verdict.parts import DISTURBING, Away, Finding, not_running, serial_errors
 from bussim.results.verdict.ports import bus_findings, has_failed, node_findings
+from bussim.words.formats import render
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +47,7 @@ def faults(items: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def about(items: list[dict[str, Any]], bus: str) -> list[str]:
     """The texts of a verdict about one bus."""
-    return [item["text"] for item in items if item["values"].get("bus") == bus]
+    return [sentence(item) for item in items if item["values"].get("bus") == bus]
 
 
 def _findings(summary: Mapping[str, Any], evidence: Evidence) -> Iterator[Finding]:

@@ -1,7 +1,9 @@
-"""The catalogue of sentences: one table, whose columns are languages."""
+"""Texts by key: each is there in both languages, and can be said with its values."""
 
 from __future__ import annotations
 
+import copy
+import json
 import re
 from collections.abc import Mapping
 from string import Formatter
@@ -12,17 +14,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bussim.engines.modbus.codes import MEANINGS, PortError
-from bussim.results.verdict import catalogue
-from bussim.results.verdict.catalogue import (
-    LANGUAGES,
-    SENTENCES,
-    cause_in_words,
-    in_ms,
-    is_fault,
-    meaning,
-    render,
-)
+from bussim.results.verdict.catalogue import is_fault
 from bussim.results.verdict.link import _times
+from bussim.wording import in_ms
+from bussim.words.formats import cause_in_words, meaning, render
+from bussim.words.language import current_language, said_text, say, shown, system_language, use_language
+from bussim.words.tables import LANGUAGES, Said, entries, recognised
 
 #: Words that a reader of codes, names and figures is not to meet.
 WORDS = re.compile(r"\b(typical|somebody|nobody|tries|try)\b")
@@ -32,15 +29,13 @@ def placeholders(text: str) -> dict[str, str]:
     return {name: spec or "" for _, name, spec, _ in Formatter().parse(text) if name}
 
 
-def test_every_language_is_a_column() -> None:
-    assert set(LANGUAGES) == set(catalogue.Sentence._fields) - {"fault"}
-
-
-@pytest.mark.parametrize("key", SENTENCES)
-def test_placeholders_agree_in_all_languages(key: str) -> None:
-    texts = [getattr(SENTENCES[key], lang) for lang in LANGUAGES]
-    assert all(placeholders(text) == placeholders(texts[0]) for text in texts)
-    assert not WORDS.search(texts[0])
+@pytest.mark.parametrize("key", entries())
+def test_each_text_is_there_in_every_language_with_the_same_values(key: str) -> None:
+    english, *others = entries()[key]
+    assert others[len(LANGUAGES) - 1 :] in ([], ["fault"])
+    for text in others[: len(LANGUAGES) - 1]:
+        assert placeholders(text).keys() == placeholders(english).keys()
+    assert not WORDS.search(english)
 
 
 #: A value for each format of a sentence.
@@ -50,6 +45,10 @@ _VALUES: Mapping[str, Any] = {
     "ms": 50.41,
     "most_ms": 50.41,
     "list": ["a_b", "c"],
+    "listed": ["a_b", "c"],
+    "joined": ["a_b", "c"],
+    "station": "station 3 (a_b)",
+    "counted": 2,
     "counts": {"frame length": 2},
     "codes": {"01": 2, "04": 1},
     "exceptions": {"02": 12},
@@ -67,15 +66,73 @@ _VALUES: Mapping[str, Any] = {
 }
 
 
-@pytest.mark.parametrize("key", SENTENCES)
-def test_every_sentence_can_be_said(key: str) -> None:
-    values = {name: _VALUES[spec] for name, spec in placeholders(SENTENCES[key].en).items()}
-    text = render(key, values)
-    assert text
+@pytest.mark.parametrize("lang", LANGUAGES)
+@pytest.mark.parametrize("key", entries())
+def test_every_text_can_be_said(key: str, lang: str) -> None:
+    formats = placeholders(entries()[key][LANGUAGES.index(lang)])
+    values = {name: _VALUES[spec.partition(" ")[0]] for name, spec in formats.items()}
+    text = render(key, values, lang)
     assert "{" not in text
-    if is_fault(key):
+    if is_fault(key) and lang == "en":
         assert text[0].isupper() or text.startswith(("x_1", "a_b"))
         assert text.endswith(".")
+
+
+def test_a_text_is_english_until_it_is_shown_in_another_language() -> None:
+    said = say("not_polled", plc="a", station=3, bus="link", slaves=2)
+    text = "a has station number 3, but the master of link polls only 2."
+    assert said == text == shown(said)
+    assert json.dumps([said]) == json.dumps([text])
+    with use_language("zh"):
+        assert shown({"said": [said, 1, "a"]}) == {
+            "said": ["a 的站号是 3，但 link 的主站只轮询 2 个从站。", 1, "a"]
+        }
+        assert shown(copy.deepcopy(said)) == said_text("not_polled", **said.values)
+    assert current_language() == "en"
+
+
+def test_parts_of_a_text_are_in_its_language() -> None:
+    reasons = {"CRC or LRC wrong": 2, "own text": 1}
+    said = say("requests_ignored", node="a", reasons=reasons)
+    assert said == "a ignored frames that were no sound request: CRC or LRC wrong 2×, own text 1×."
+    with use_language("zh"):
+        assert shown(said) == "a 忽略了不是完好请求的帧：CRC 或 LRC 错误 2×、own text 1×。"
+        cause = said_text("cause_missing", station="station 3 (press)", bus="link")
+        assert cause == "link 上没有站 3（press）这个站号的 PLC。"
+
+
+def test_a_text_of_a_file_is_known_again_with_its_values() -> None:
+    said = recognised("a has station number 3, but the master of link polls only 2.")
+    assert isinstance(said, Said)
+    assert said.key == "not_polled"
+    with use_language("zh"):
+        assert shown(said) == "a 的站号是 3，但 link 的主站只轮询 2 个从站。"
+    assert type(recognised("pump and valve")) is str
+
+
+@pytest.mark.parametrize(
+    ("settings", "lang"),
+    [
+        ({}, "en"),
+        ({"LANG": "zh_CN.UTF-8"}, "zh"),
+        ({"LANG": "zh_CN.UTF-8", "LC_MESSAGES": "de_DE.UTF-8"}, "en"),
+        ({"LANG": "de_DE.UTF-8", "LC_ALL": "zh_CN.UTF-8", "LC_MESSAGES": "C"}, "zh"),
+        ({"LANG": "zh_CN.UTF-8", "LC_ALL": ""}, "zh"),
+    ],
+)
+def test_the_language_is_that_of_the_system(
+    settings: dict[str, str], lang: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("LC_ALL", "LC_MESSAGES", "LANG"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in settings.items():
+        monkeypatch.setenv(name, value)
+    assert system_language() == lang
+
+
+def test_another_language_is_refused() -> None:
+    with pytest.raises(ValueError, match="language is 'de', allowed are en and zh"), use_language("de"):
+        pass
 
 
 def test_codes_stay_codes_and_names_keep_their_underscores() -> None:

@@ -1,0 +1,78 @@
+"""The tables of texts by key, and texts that know their key and values."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from functools import cache
+from importlib.resources import files
+from string import Formatter
+from typing import Any
+
+#: The languages, in the order of the tables' columns: English and Chinese (zh-Hans).
+LANGUAGES = ("en", "zh")
+#: The tables.
+TABLES = ("verdict", "solver", "sizing", "run", "pictures", "report")
+#: A text of fewer letters than this besides its values may be that of something else.
+_LEAST_LETTERS = 8
+
+
+class Said(str):
+    """A text in English that knows its key and its values, and so can be shown in each language."""
+
+    __slots__ = ("key", "values")
+    key: str
+    values: Mapping[str, Any]
+
+    def __new__(cls, text: str, key: str, values: Mapping[str, Any]) -> Said:
+        """The text of a key with these values."""
+        self = super().__new__(cls, text)
+        self.key, self.values = key, values
+        return self
+
+    def __getnewargs__(self) -> tuple[str, str, Mapping[str, Any]]:  # type: ignore[override]
+        return str(self), self.key, self.values
+
+
+@cache
+def entries() -> Mapping[str, list[str]]:
+    """Every key with its texts in the order of :data:`LANGUAGES`, and then perhaps a mark."""
+    import yaml
+
+    found: dict[str, list[str]] = {}
+    for name in TABLES:
+        text = files(__package__).joinpath(f"{name}.yaml").read_text(encoding="utf-8")
+        table = yaml.load(text, yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader)  # noqa: S506 (safe)
+        if twice := found.keys() & table.keys():
+            raise ValueError(f"{name}.yaml has keys of another table: {', '.join(sorted(twice))}")
+        found |= table
+    return found
+
+
+def recognised(text: str) -> str:
+    """A text that a file kept in English, with its key and values as far as the tables have them.
+
+    The values are texts then. What is in no table stays as it is.
+    """
+    if isinstance(text, Said):
+        return text
+    for key, names, pattern in _patterns():
+        if match := pattern.fullmatch(text):
+            values = zip(names, match.groups(), strict=True)
+            return Said(text, key, {name: recognised(value) for name, value in values})
+    return text
+
+
+@cache
+def _patterns() -> list[tuple[str, list[str], re.Pattern[str]]]:
+    """What each English text looks like, those with the most letters of their own first."""
+    found = []
+    for key, (english, *_) in entries().items():
+        parts = [(literal, name) for literal, name, _, _ in Formatter().parse(english)]
+        own = sum(map(str.isalpha, "".join(literal for literal, _ in parts)))
+        names = [name for _, name in parts if name]
+        if own >= _LEAST_LETTERS and len(set(names)) == len(names):
+            pattern = "".join(re.escape(literal) + ("(.+?)" if name else "") for literal, name in parts)
+            found.append((own, key, names, re.compile(pattern, re.DOTALL)))
+    found.sort(key=lambda each: -each[0])
+    return [(key, names, pattern) for _, key, names, pattern in found]

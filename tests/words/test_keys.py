@@ -1,0 +1,60 @@
+"""Each key of the tables is used, and each key that is used is there."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import bussim
+from bussim.words.tables import entries
+
+_ROOT = Path(bussim.__file__).parent
+#: Functions whose first argument is a key.
+_SAYING = {"say", "said_text", "render"}
+#: Keys that a code completes, and reasons that a summary has in English.
+_BY_CODE = ("code_", "exception_", "port_error_", "reason_")
+
+
+@cache
+def _trees() -> list[ast.Module]:
+    return [ast.parse(path.read_text(encoding="utf-8")) for path in sorted(_ROOT.rglob("*.py"))]
+
+
+def _said() -> Iterator[str]:
+    """Keys that are named where a text is said."""
+    for tree in _trees():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in _SAYING:
+                first = node.args[0] if node.args else None
+                choices = [first.body, first.orelse] if isinstance(first, ast.IfExp) else [first]
+                for each in choices:
+                    if isinstance(each, ast.Constant):
+                        yield each.value
+    for path in sorted(_ROOT.rglob("*.jinja")):
+        yield from re.findall(r"\bsay\(\"([\w.]+)\"", path.read_text(encoding="utf-8"))
+
+
+def test_each_key_that_is_said_is_there() -> None:
+    assert {*_said()} <= entries().keys()
+
+
+def test_each_key_is_used() -> None:
+    named, made = {*_said()}, set()
+    for tree in _trees():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                named.add(node.value)
+            elif isinstance(node, ast.JoinedStr):
+                parts = [
+                    re.escape(each.value) if isinstance(each, ast.Constant) else r"\w+"
+                    for each in node.values
+                ]
+                if sum(isinstance(each, ast.Constant) and len(each.value) > 2 for each in node.values):
+                    made.add(re.compile("".join(parts)))
+    for path in sorted(_ROOT.rglob("*.js")):
+        named |= {*re.findall(r"[\w.]+", path.read_text(encoding="utf-8"))}
+    unused = [key for key in entries() if key not in named and not any(each.fullmatch(key) for each in made)]
+    assert [key for key in unused if not key.startswith(_BY_CODE)] == []
