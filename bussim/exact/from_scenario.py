@@ -53,6 +53,7 @@ from bussim.scenario.fault_kinds import (
 from bussim.scenario.model import BitErrors, Burst, Fault, Impulse, Noise, Plc, ReplyLoss, Scenario, Window
 from bussim.scenario.provenance import link_inputs
 from bussim.units import milliseconds
+from bussim.words.language import say
 
 #: States of the channel grow as 2 to the number of bursts.
 MAX_BURSTS = 3
@@ -159,10 +160,10 @@ class _LinkReader:
             by_number.setdefault(member.number, []).append(member.plc.name)
         for number, names in sorted(by_number.items()):
             if len(names) > 1:
-                what = "masters (station 0)" if number == MASTER else f"stations {number}"
-                self.obstacles.append(f"{' and '.join(names)} are both {what}: their frames collide")
+                key = "link_masters_collide" if number == MASTER else "link_numbers_collide"
+                self.obstacles.append(say(key, names=names, number=number))
         if MASTER not in by_number:
-            self.obstacles.append("no station 0 with valid settings: no master polls")
+            self.obstacles.append(say("link_no_master"))
 
     def _passing(self, what: str, window: Window) -> bool:
         """Whether something acts only for a part of the run, which then is noted."""
@@ -172,11 +173,9 @@ class _LinkReader:
         if window.at >= self.scenario.duration:
             return True
         if self.ignore_faults:
-            self.notes.append(f"{what} acts only for a part of the run and is left out")
+            self.notes.append(say("link_left_out", what=what))
         else:
-            self.obstacles.append(
-                f"{what} changes the link during the run; before and after it the law without faults holds"
-            )
+            self.obstacles.append(say("link_changes", what=what))
         return True
 
     # -- faults ------------------------------------------------------------------------------------
@@ -186,13 +185,13 @@ class _LinkReader:
         if isinstance(kind, BoardError):
             return  # flags in a PLC; the link does not notice
         if isinstance(kind, CableCut):
-            if kind.bus == self.bus and not self._passing(f"fault {fault.name} (cable_cut)", fault.window):
+            if kind.bus == self.bus and not self._passing(say("link_cut", name=fault.name), fault.window):
                 self._cut(kind)
             return
         member = self._named(kind.node)
         if member is None or member.refused:
             return
-        what = f"fault {fault.name} on {member.plc.name}"
+        what = say("link_fault", name=fault.name, plc=member.plc.name)
         counted = getattr(kind, "count", None)
         if counted is not None:
             self._passing(what, Window(fault.window.at, 0))
@@ -216,7 +215,7 @@ class _LinkReader:
             case PowerOff() | Stop():
                 member.silent, member.receives = True, False
                 if master:
-                    self.obstacles.append(f"{what} keeps the master off: no station is polled")
+                    self.obstacles.append(say("link_master_off", what=what))
             case DropReply():
                 member.silent = member.silent or not master
             case Slow(_, extra):
@@ -224,22 +223,21 @@ class _LinkReader:
             case ClockPpm(_, ppm) if abs(ppm) <= MAX_PPM:
                 member.ppm += ppm
             case ClockPpm():
-                self.obstacles.append(f"{what}: the clock error moves samples out of their bits")
+                self.obstacles.append(say("link_clock", what=what))
             case LateRelease(_, by):
                 if by >= self._quiet_after(member):  # else the driver is off before any other frame
-                    self.obstacles.append(f"{what}: the tail collides with the next frame")
+                    self.obstacles.append(say("link_tail", what=what))
             case Jabber():
-                self.obstacles.append(f"{what}: a jabbering station collides with every frame")
+                self.obstacles.append(say("link_jabber", what=what))
             case WrongFormat(_, timing) if self.bound_end and not (master or _reads(timing, member.number)):
                 member.silent, member.receives = True, False
-                self.notes.append(f"{what}: taken for a station that neither hears nor replies")
+                self.notes.append(say("link_deaf_dumb", what=what))
             case WrongFormat():
-                reason = "what a station with a wrong format hears depends on the data"
-                self.obstacles.append(f"{what}: {reason}")
+                self.obstacles.append(say("link_wrong_format", what=what))
             case Pause():
-                self.obstacles.append(f"{what}: pauses inside frames are not worked out")
+                self.obstacles.append(say("link_pauses", what=what))
             case LoseChar() | InsertChar() | FlipBits():
-                self.obstacles.append(f"{what}: what it damages depends on the data")
+                self.obstacles.append(say("link_data", what=what))
             case BoardError() | CableCut():
                 raise ValueError(f"{what} is not of a station's frames")
             case _:
@@ -264,7 +262,8 @@ class _LinkReader:
             if member is None or member.refused:
                 return
         kind = noise.kind
-        if noise.harmless or self._passing(f"noise {noise.name}", noise.window):
+        what = say("link_noise", name=noise.name)
+        if noise.harmless or self._passing(what, noise.window):
             return
         part = "bus" if member is None else ("rx" if target.direction is Direction.RX else "tx")
         station = None if member is None else member.number
@@ -277,18 +276,14 @@ class _LinkReader:
             case Burst(_, _, good, bad) if good == bad:
                 self.sources.append(NoiseSource(part, station, good))
             case Burst() if len(self.chains) == MAX_BURSTS:
-                self.obstacles.append(
-                    f"noise {noise.name}: more than {MAX_BURSTS} bursts on one link are not worked out"
-                )
+                self.obstacles.append(say("link_bursts", what=what, most=MAX_BURSTS))
             case Burst(good, bad, ber_good, ber_bad):
                 self.sources.append(NoiseSource(part, station, ber_good, ber_bad, chain=len(self.chains)))
                 self.chains.append((float(good), float(bad)))
             case Impulse():
-                self.obstacles.append(
-                    f"noise {noise.name}: periodic impulses keep their phase from one exchange to the next"
-                )
+                self.obstacles.append(say("link_impulses", what=what))
             case _:  # a kind that is not worked out yet
-                self.obstacles.append(f"noise {noise.name}: {type(kind).__name__} is not worked out")
+                self.obstacles.append(say("link_noise_kind", what=what, kind=type(kind).__name__))
 
     # -- the result --------------------------------------------------------------------------------
 
@@ -349,14 +344,14 @@ class _LinkReader:
         for station in model.dead:
             member = first.get(station.number)
             if member is None:
-                polled = f"D8177 = {len(model.stations)} has it polled in vain"
-                yield f"{station.label} does not exist on the link: {polled}"
+                yield say("link_not_there", station=station.label, polled=len(model.stations))
             elif model.mode not in member.plc.profile.modes:
-                yield f"{station.label}: {mode_refusal(station.name, member.plc.profile, model.mode)}"
+                why = mode_refusal(station.name, member.plc.profile, model.mode)
+                yield say("link_stays_out", station=station.label, why=why)
             else:
-                yield f"{station.label} never replies: a fault keeps it silent all the time"
+                yield say("link_never_replies", station=station.label)
         if model.dead and model.alive:
-            yield "figures of the line as it is are with that; a dead station spoken of is one more"
+            yield say("link_one_more")
 
     def _told(self, model: LinkModel, first: dict[int, _Member]) -> LinkModel:
         """The link with what was found out about it."""
@@ -377,7 +372,7 @@ class _LinkReader:
         at_end = plc.profile.reply.at_end
         stays_out = mode not in plc.profile.modes  # refuses the master's parameters
         if plc.power_on > master.plc.power_on and number <= master.settings[D_SLAVES]:
-            self._passing(f"the late power-on of {plc.name}", Window(master.plc.power_on, plc.power_on))
+            self._passing(say("link_late_on", plc=plc.name), Window(master.plc.power_on, plc.power_on))
         return Station(
             number=number,
             name=plc.name,
@@ -397,17 +392,9 @@ class _LinkReader:
             if not by_number[station.number].plc.profile.reply.at_end:
                 continue
             if self.bound_end:
-                self.notes.append(
-                    f"{station.label} replies at END: its wait is taken at its longest, one PLC scan, "
-                    "so that times are upper bounds"
-                )
+                self.notes.append(say("link_end_bound", station=station.label))
             else:
-                found.append(
-                    f"{station.label} replies at END: the phase of its PLC scan persists from poll to poll"
-                )
+                found.append(say("link_end", station=station.label))
         if model.noise.sources and model.gap < model.character:
-            found.append(
-                f"a master gap of {milliseconds(model.gap):g} ms is less than a character: a misread last "
-                "character may reach into the next frame"
-            )
+            found.append(say("link_gap", gap=milliseconds(model.gap)))
         return found

@@ -15,6 +15,7 @@ from bussim.exact.scan.turnaround_sums import MAX_KINDS, count_kinds, spread_of
 from bussim.line.characters import NN_LINE, LineTiming
 from bussim.plc.profiles import AbsentStation, Attempts, ErrorCount, Turnaround
 from bussim.units import TICKS_PER_MS, milliseconds
+from bussim.words.language import say
 
 #: Ticks of D8180's unit (PW10 board manual, section 7.4).
 TIMEOUT_UNIT = 10 * TICKS_PER_MS
@@ -265,8 +266,8 @@ class LinkModel:
     def reasons(self) -> tuple[str, ...]:
         """Why the closed form does not hold with this setting; empty where it does."""
         kinds = count_kinds(station.turnaround for station in self.alive)
-        too_many = f"{kinds} different distributions of the turnaround, at most {MAX_KINDS} are worked out"
-        return (*self.obstacles, *([too_many] if kinds > MAX_KINDS else []), *self.timeout_reasons())
+        too_many = [say("link_kinds", number=kinds, most=MAX_KINDS)] if kinds > MAX_KINDS else []
+        return (*self.obstacles, *too_many, *self.timeout_reasons())
 
     @property
     def valid(self) -> bool:
@@ -287,15 +288,9 @@ class LinkModel:
         found = []
         for station in self.alive:
             reply = station.slowest + station.reply
-            if reply > self.timeout:
-                found.append(
-                    f"{station.label}: its longest reply takes {milliseconds(reply):.2f} ms, longer than the "
-                    f"timeout of {milliseconds(self.timeout):g} ms: late replies are taken for later attempts"
-                )
-            elif self.noise.sources and reply + self.quiet + self.character > self.timeout:
-                found.append(
-                    f"{station.label}: its longest reply takes {milliseconds(reply):.2f} ms, less than three "
-                    f"characters below the timeout of {milliseconds(self.timeout):g} ms: a damaged reply may "
-                    "end at the deadline"
-                )
+            tight = self.noise.sources and reply + self.quiet + self.character > self.timeout
+            if reply > self.timeout or tight:
+                key = "link_late_replies" if reply > self.timeout else "link_tight"
+                times = {"reply": milliseconds(reply), "timeout": milliseconds(self.timeout)}
+                found.append(say(key, station=station.label, **times))
         return found

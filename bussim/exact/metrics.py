@@ -18,6 +18,7 @@ from bussim.exact.scan.turnaround_sums import Floats
 from bussim.exact.solve import Solved
 from bussim.exact.text import LONGEST_YEARS, in_ms, ms, ms_cell, scans_over, years_between
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND, UNIT_TICKS
+from bussim.words.language import say
 
 YEAR = int(UNIT_TICKS["y"])
 
@@ -147,24 +148,21 @@ class Figures:
     def in_words(self) -> list[str]:
         """The figures that are read best as sentences."""
         if not self.valid:
-            return [f"no exact law: {reason}" for reason in self.reasons]
+            return [say("exact_no_law", reason=reason) for reason in self.reasons]
         said = [scans_over(p, x) for x, p in self.over.items()]
         if self.random is not None and self.mean is not None:
             others = [scans_over(float(self.random.tail(float(x))), x) for x in self.over]
             if others != said or abs(self.random.mean - self.mean) > _TELLING * self.mean:
-                mean = f"the mean link scan is {ms_cell(self.random.mean)} ms"
-                said.append(f"blocks of zeros are assumed; with random data {' and '.join([mean, *others])}")
+                mean = say("exact_random_mean", mean=ms_cell(self.random.mean))
+                said.append(say("exact_random", others=[mean, *others]))
         if self.model.alive and self.onsets_per_year is not None:
             said.append(years_between(self.onsets_per_year, noisy=self.model.noisy))
         never = [pair for pair, refresh in self.refresh.items() if refresh.mean is None]
         if never:
-            with_noise = "with the noise as entered " if self.model.noisy else ""
-            said.append(f"{with_noise}practically no block arrives: {', '.join(never)}")
+            key = "exact_no_blocks_noise" if self.model.noisy else "exact_no_blocks"
+            said.append(say(key, pairs=", ".join(never)))
         if any(each.mean is not None and None in each.quantiles.values() for each in self.refresh.values()):
-            said.append(
-                "where a refresh gap has a dash it lasts so many link scans that it is not worked out: "
-                "it exceeds a time with a probability of at most its mean over that time"
-            )
+            said.append(say("exact_dash"))
         return said
 
 

@@ -9,6 +9,7 @@ from bussim.exact.link import LinkModel
 from bussim.scenario.fault_kinds import PowerOff
 from bussim.scenario.model import ALWAYS, Fault, Noise, Scenario, Window
 from bussim.units import format_time
+from bussim.words.language import say
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,8 +26,10 @@ class Period:
 
     def in_words(self) -> str:
         """The times, and what acts in them."""
-        times = " and ".join(f"{format_time(start)} to {format_time(end)}" for start, end in self.spans)
-        return f"{times}, {' and '.join(self.acting) or 'undisturbed'}"
+        times = [
+            say("exact_from_to", start=format_time(start), end=format_time(end)) for start, end in self.spans
+        ]
+        return say("exact_period", times=times, acting=self.acting or [say("exact_undisturbed")])
 
     def to_json(self, per_second: float) -> dict[str, object]:
         """The times in s, of so many ticks each, and what acts in them."""
@@ -41,7 +44,7 @@ def periods_of(scenario: Scenario) -> dict[str, tuple[Period, ...]]:
     edges |= {tick for window in windows for tick in (window.at, window.until) if tick is not None}
     inside = sorted(edge for edge in edges if 0 <= edge < scenario.duration)
     single = [fault.name for fault in scenario.faults if getattr(fault.kind, "count", None) is not None]
-    notes = tuple(f"fault {name} damages single frames only and is left out" for name in single)
+    notes = tuple(say("link_single_frames", name=name) for name in single)
     found: dict[str, dict[LinkModel, Period]] = {}
     for start, end in zip(inside, [*inside[1:], scenario.duration], strict=True):
         for bus, read in from_scenario(_during(scenario, start, end)).items():
@@ -95,4 +98,4 @@ def _acting(scenario: Scenario, bus: str, start: int, end: int) -> tuple[str, ..
     ]
     passing = [e.name for e in entries if here(e) and not _covers(e.window, 0, scenario.duration)]
     late = [plc.name for plc in scenario.plcs if plc.name in members and plc.power_on > start]
-    return (*passing, *(f"{name} not yet on" for name in late))
+    return (*passing, *(say("exact_not_yet_on", name=name) for name in late))

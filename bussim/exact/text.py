@@ -6,17 +6,13 @@ import math
 
 from bussim.units import TICKS_PER_MS
 from bussim.wording import about
+from bussim.words.language import say
 
 #: No noise stays the same for longer.
 LONGEST_YEARS = 100
 
 #: A probability above this is called almost certain.
 ALMOST_CERTAIN = 0.99
-
-#: What the ride-through of an interrupted line does not mean.
-NOT_COVERED = (
-    "a station's supply or STOP is not covered: 1 ms without supply costs it its parameters, always an error"
-)
 
 
 def ms(ticks: float) -> str:
@@ -82,24 +78,22 @@ def one_in(probability: float) -> str:
 def scans_over(probability: float, ticks: float) -> str:
     """How often a scan takes longer than a deadline, at most."""
     if probability <= 0:
-        return f"no scan takes over {ms(ticks)} ms"
+        return say("exact_never_over", time=ms(ticks))
     if probability >= 0.5:
-        return f"{math.ceil(float(f'{100 * probability:.12g}'))} % of all scans take over {ms(ticks)} ms"
-    return f"1 scan in {one_in(probability)} takes over {ms(ticks)} ms"
+        percent = math.ceil(float(f"{100 * probability:.12g}"))
+        return say("exact_percent_over", percent=percent, time=ms(ticks))
+    return say("exact_one_over", number=one_in(probability), time=ms(ticks))
 
 
 def years_between(per_year: float, *, noisy: bool = True) -> str:
     """How often a false station error begins, at most; ``noisy``: whether there is noise at all."""
     if per_year <= 0:
-        noise = "with the noise as entered" if noisy else "without noise (none is entered)"
-        return f"no false station error at all {noise}"
+        return say("exact_no_error_noise" if noisy else "exact_no_error")
     years = 1 / per_year
     if years > LONGEST_YEARS:
-        said = f"one onset of a false station error in over {LONGEST_YEARS} years"
-    elif years >= 2:
-        said = f"about one onset of a false station error in {one_in(per_year)} years"
-    elif per_year < 400:
-        said = f"about {about(at_most(per_year))} onsets of false station errors a year"
-    else:
-        said = f"about {about(at_most(per_year / 365))} onsets of false station errors a day"
-    return f"{said} if the noise stays as entered"
+        return say("exact_years_over", years=LONGEST_YEARS)
+    if years >= 2:
+        return say("exact_years", years=one_in(per_year))
+    if per_year < 400:
+        return say("exact_a_year", number=about(at_most(per_year)))
+    return say("exact_a_day", number=about(at_most(per_year / 365)))

@@ -23,6 +23,7 @@ from bussim.plc.ports.cpavl import COM2_STATION
 from bussim.plc.profiles import MAX_RETRIES, MAX_SLAVES, Profile, attempts_per_poll
 from bussim.plc.system_devices import WATCHDOG
 from bussim.units import TICKS_PER_MS
+from bussim.words.language import say
 
 #: D8180 counts in 10 ms.
 TIMEOUT_UNIT = 10 * TICKS_PER_MS
@@ -84,7 +85,7 @@ def bad_parameters(profile: Profile, values: dict[int, int]) -> list[str]:
     """What the PLC refuses in D8176–D8180 (addresses as keys), in words; empty if nothing."""
     station = values[D_STATION]
     if station > MAX_SLAVES:
-        return [f"D8176 is {station}, allowed 0..{MAX_SLAVES}"]
+        return [say("link_register", register="D8176", value=station, allowed=f"0..{MAX_SLAVES}")]
     if station:
         return []
     low, high = profile.timeout_range
@@ -95,7 +96,7 @@ def bad_parameters(profile: Profile, values: dict[int, int]) -> list[str]:
         D_TIMEOUT: (range(low, high + 1), f"{low}..{high}"),
     }
     return [
-        f"D{address} is {values[address]}, allowed {text}"
+        say("link_register", register=f"D{address}", value=values[address], allowed=text)
         for address, (good, text) in allowed.items()
         if values[address] not in good
     ]
@@ -113,15 +114,12 @@ def refusal(profile: Profile, name: str, reasons: list[str], port: str) -> str:
     """What a PLC with bad N:N parameters does, as a sentence."""
     code = serial_error(profile.error_codes, port, BAD_PARAMETERS)
     device = shown_at(code)
-    return (
-        f"{name} refuses its N:N settings ({'; '.join(reasons)}): M{device} on, D{device} = {code}, "
-        "and it sends nothing"
-    )
+    return say("link_refuses", name=name, reasons=reasons, device=device, code=code)
 
 
 def mode_refusal(name: str, profile: Profile, mode: int) -> str:
     """What a slave does whose family lacks the master's refresh mode, as a sentence."""
-    return f"{name} ({profile.name}) does not have the master's refresh mode {mode}: it stays out of the link"
+    return say("link_mode", name=name, profile=profile.name, mode=mode)
 
 
 def setting_values(profile: Profile, registers: Mapping[str, int]) -> dict[int, int]:

@@ -10,15 +10,33 @@ from collections.abc import Iterable, Mapping
 
 from bussim.plc.link_registers import D_STATION
 from bussim.scenario.model import Plc, Scenario
+from bussim.words.language import say
 
 #: The classes, the weakest last. Where something was measured, its recording follows: "measured in line.sr".
 CLASSES = "published", "measured", "derived", "entered", "assumed"
 PUBLISHED, MEASURED, DERIVED, ENTERED, ASSUMED = CLASSES
 
-NOISE = "noise"
+NOISE, LEVEL, GOALS = "noise", "the level of noise bad", "goals"
 _FRAMES, _TIMES, _JITTER = "frame lengths", "gaps and turnarounds", "jitter of turnarounds"
 _ATTEMPTS, _ABSENT, _REPLY = "attempts of D8179", "absent_station", "when a slave replies"
 _SCANS, _SLAVES, _BYTES = "PLC scan times", "how slaves watch the master", "frame bytes"
+_SETTINGS = "line format and settings"
+#: The keys of the words for what figures are made of.
+_INPUTS = {
+    _SETTINGS: "input_settings",
+    _FRAMES: "input_frames",
+    _TIMES: "input_times",
+    NOISE: "input_noise",
+    _SCANS: "input_scans",
+    _JITTER: "input_jitter",
+    _ATTEMPTS: "input_attempts",
+    _ABSENT: "input_absent",
+    _REPLY: "input_reply",
+    _SLAVES: "input_slaves",
+    _BYTES: "input_bytes",
+    LEVEL: "input_level",
+    GOALS: "input_goals",
+}
 _CLEAN, _ERRORS = (_FRAMES, _TIMES), (NOISE, _ATTEMPTS, _ABSENT)
 #: What the figures of a link are made of in the first place, by their keys in the JSON forms.
 _MADE_OF: dict[tuple[str, ...], str] = {
@@ -65,7 +83,7 @@ def link_inputs(scenario: Scenario, bus: str) -> dict[str, str]:
     gaps = _of(masters, "master_gap", "scan_overhead", built_in=DERIVED)
     noise = [each for each in scenario.noise if each.target.bus == bus and not each.harmless]
     return {
-        "line format and settings": PUBLISHED,
+        _SETTINGS: PUBLISHED,
         _FRAMES: DERIVED,
         _TIMES: _weakest([*gaps, *_of(slaves, "turnaround", built_in=DERIVED)]),
         NOISE: _weakest(f"{MEASURED} in {each.measured}" if each.measured else ENTERED for each in noise),
@@ -92,12 +110,23 @@ def classes(inputs: Mapping[str, str], keys: Iterable[str]) -> dict[str, dict[st
 def in_words(found: Mapping[str, Mapping[str, str]]) -> list[str]:
     """The inputs by where they come from, the strongest first, and then the figures by their classes."""
     inputs, figures = found["inputs"], found["figures"]
-    lines = [
-        f"{origin}: {', '.join(name for name, at in inputs.items() if at == origin)}"
-        for origin in sorted(set(inputs.values()), key=_rank)
-    ]
+    lines = []
+    for origin in sorted(set(inputs.values()), key=_rank):
+        names = [say(_INPUTS[name]) for name, at in inputs.items() if at == origin]
+        lines.append(say("from_inputs", origin=_origin(origin), names=names))
     *strong, weakest = sorted(set(figures.values()), key=_rank)
-    plain = {key: key.removesuffix("_ms").replace("_", " ") for key in figures}
-    shown = [f"{', '.join(plain[key] for key in figures if figures[key] == name)} {name}" for name in strong]
-    rest = f"all {'others ' if shown else ''}{weakest}"
-    return [*lines, f"the weakest of these in each figure: {'; '.join([*shown, rest])}"]
+    parts = []
+    for origin in strong:
+        names = [say(f"figure_{key.removesuffix('_ms')}") for key, at in figures.items() if at == origin]
+        parts.append(say("from_figures", origin=_origin(origin), names=names))
+    parts.append(say("from_others" if strong else "from_all", origin=_origin(weakest)))
+    return [*lines, say("from_weakest", parts=parts)]
+
+
+def _origin(origin: str) -> str:
+    """A class in words, with the recordings."""
+    weakest, _, part = origin.partition(f" (in part {MEASURED} in ")
+    if part:
+        return say("from_in_part", origin=_origin(weakest), files=part.removesuffix(")"))
+    name, _, recordings = origin.partition(" in ")
+    return say("from_measured_in", files=recordings) if recordings else say(f"from_{name}")

@@ -2,11 +2,11 @@
 
 Beside the formats of Python a text of the tables knows ``n`` (a whole number with its thousands apart),
 ``counted frame`` (a number with its noun), ``ms`` and ``most_ms`` (milliseconds, see
-:func:`bussim.wording.in_ms`), ``list`` (names, "and" before the last), ``listed`` and ``joined`` (texts
-between commas or semicolons), ``station`` (a station by number and name), ``counts`` (words with how
-often), ``codes`` and ``exceptions`` (counts by code, with what each means), ``meanings`` (what codes mean),
-``cause`` (why a link scan was long), ``when`` (how often, for how long, and when longest), ``times`` (of
-responses, or nothing), ``part`` (the text of another key), ``devices`` (special devices of the link by
+:func:`bussim.wording.in_ms`), ``list`` (names, "and" before the last), ``listed``, ``joined`` and ``plus``
+(texts between commas, semicolons or +), ``station`` (a station by number and name), ``counts`` (words with
+how often), ``codes`` and ``exceptions`` (counts by code, with what each means), ``meanings`` (what codes
+mean), ``cause`` (why a link scan was long), ``when`` (how often, for how long, and when longest), ``times``
+(of responses, or nothing), ``part`` (the text of another key), ``devices`` (special devices of the link by
 name) and ``serial`` (a code of D8063).
 """
 
@@ -22,6 +22,8 @@ from bussim.words.tables import LANGUAGES, Said, entries, recognised
 
 #: Error codes are in D8211 to D8218, of an FX1S in D211 to D218; counts lie below.
 _FIRST_CODE = 11
+#: What stands between texts.
+_BETWEEN = {"listed": "comma", "joined": "semicolon"}
 #: The 7 of 7xyy, PW10's codes in D8063 (its board manual, section 8).
 _PW10 = 7
 _STATION = re.compile(r"station (\d+)(?: \((.*)\))?", re.DOTALL)
@@ -87,8 +89,8 @@ class TextFormatter(Formatter):
             case "list":
                 *others, last = map(self._shown, value)
                 return self._part("and").join([self._part("comma").join(others), last] if others else [last])
-            case "listed" | "joined":
-                between = self._part("comma" if format_spec == "listed" else "semicolon")
+            case "listed" | "joined" | "plus":
+                between = " + " if format_spec == "plus" else self._part(_BETWEEN[format_spec])
                 return between.join(map(self._shown, value)) if not isinstance(value, str) else value
             case "station":
                 return self._shown(value)

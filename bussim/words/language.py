@@ -19,8 +19,8 @@ from bussim.words.tables import LANGUAGES, Said
 _language: ContextVar[str] = ContextVar("language", default="en")
 
 
-def say(key: str, /, **values: Any) -> Said:
-    """The text of a key in English, with its values. Raises KeyError where there is no such key."""
+def say(key: str, /, **values: Any) -> str:
+    """The text of a key in English, a :class:`Said`. Raises KeyError where there is no such key."""
     return Said(render(key, values), key, values)
 
 

@@ -11,8 +11,8 @@ from typing import Any
 
 #: The languages, in the order of the tables' columns: English and Chinese (zh-Hans).
 LANGUAGES = ("en", "zh")
-#: The tables.
-TABLES = ("verdict", "solver", "sizing", "run", "pictures", "report")
+#: The tables, and those of pages, whose keys begin with the table's name: their scripts have them without it.
+TABLES, PAGES = ("verdict", "solver", "run", "pictures"), ("sizing", "report")
 #: A text of fewer letters than this besides its values may be that of something else.
 _LEAST_LETTERS = 8
 
@@ -40,13 +40,24 @@ def entries() -> Mapping[str, list[str]]:
     import yaml
 
     found: dict[str, list[str]] = {}
-    for name in TABLES:
+    for name in (*TABLES, *PAGES):
         text = files(__package__).joinpath(f"{name}.yaml").read_text(encoding="utf-8")
         table = yaml.load(text, yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader)  # noqa: S506 (safe)
+        if name in PAGES:
+            table = {f"{name}.{key}": texts for key, texts in table.items()}
         if twice := found.keys() & table.keys():
             raise ValueError(f"{name}.yaml has keys of another table: {', '.join(sorted(twice))}")
         found |= table
     return found
+
+
+@cache
+def page_words(page: str, lang: str) -> dict[str, str]:
+    """The texts of a page's table in one language, by its script's keys; ``{names}`` are filled in."""
+    column, start = LANGUAGES.index(lang), f"{page}."
+    return {
+        key.removeprefix(start): texts[column] for key, texts in entries().items() if key.startswith(start)
+    }
 
 
 def recognised(text: str) -> str:

@@ -19,23 +19,29 @@ from bussim.results.verdict.link import _times
 from bussim.wording import in_ms
 from bussim.words.formats import cause_in_words, meaning, render
 from bussim.words.language import current_language, said_text, say, shown, system_language, use_language
-from bussim.words.tables import LANGUAGES, Said, entries, recognised
+from bussim.words.tables import LANGUAGES, PAGES, Said, entries, recognised
 
 #: Words that a reader of codes, names and figures is not to meet.
-WORDS = re.compile(r"\b(typical|somebody|nobody|tries|try)\b")
+WORDS = re.compile(r"\b((?<!level )typical|somebody|nobody|tries|try)\b")
 
 
 def placeholders(text: str) -> dict[str, str]:
     return {name: spec or "" for _, name, spec, _ in Formatter().parse(text) if name}
 
 
-@pytest.mark.parametrize("key", entries())
-def test_each_text_is_there_in_every_language_with_the_same_values(key: str) -> None:
-    english, *others = entries()[key]
-    assert others[len(LANGUAGES) - 1 :] in ([], ["fault"])
-    for text in others[: len(LANGUAGES) - 1]:
-        assert placeholders(text).keys() == placeholders(english).keys()
-    assert not WORDS.search(english)
+def test_each_text_is_there_in_every_language_with_the_same_values() -> None:
+    for key, (english, *others) in entries().items():
+        assert others[len(LANGUAGES) - 1 :] in ([], ["fault"]), key
+        for text in others[: len(LANGUAGES) - 1]:
+            assert text or not english, key
+            assert placeholders(text).keys() == placeholders(english).keys(), key
+        assert not WORDS.search(english), key
+
+
+def test_no_chinese_text_is_left_in_english() -> None:
+    for key, (english, chinese, *_) in entries().items():
+        if re.search("[a-z]{3}", re.sub(r"\{.*?\}|[a-z]\w*:|CRC|LRC", "", english)):
+            assert re.search("[\u4e00-\u9fff]", chinese), key
 
 
 #: A value for each format of a sentence.
@@ -61,21 +67,26 @@ _VALUES: Mapping[str, Any] = {
     "devices": {"D8203": 2, "D8211": 0x14, "M8183": 1},
     "serial": 7309,
     "g": 20,
+    ",g": 20,
+    ".2g": 1e-6,
+    ".1e": 1e-6,
+    "02": 3,
+    "plus": ["a_b", "c"],
     ".2f": 1.0,
     ".3f": 1.0,
 }
 
 
 @pytest.mark.parametrize("lang", LANGUAGES)
-@pytest.mark.parametrize("key", entries())
-def test_every_text_can_be_said(key: str, lang: str) -> None:
-    formats = placeholders(entries()[key][LANGUAGES.index(lang)])
-    values = {name: _VALUES[spec.partition(" ")[0]] for name, spec in formats.items()}
-    text = render(key, values, lang)
-    assert "{" not in text
-    if is_fault(key) and lang == "en":
-        assert text[0].isupper() or text.startswith(("x_1", "a_b"))
-        assert text.endswith(".")
+def test_every_text_can_be_said(lang: str) -> None:
+    for key in entries():
+        formats = placeholders(entries()[key][LANGUAGES.index(lang)])
+        values = {name: _VALUES[spec.partition(" ")[0]] for name, spec in formats.items()}
+        text = render(key, values, lang)
+        assert "{" not in text or key.partition(".")[0] in PAGES, key
+        if is_fault(key) and lang == "en":
+            assert text[0].isupper() or text.startswith(("x_1", "a_b"))
+            assert text.endswith(".")
 
 
 def test_a_text_is_english_until_it_is_shown_in_another_language() -> None:

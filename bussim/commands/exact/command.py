@@ -10,8 +10,9 @@ import click
 from bussim.commands.common.output import check_pictures, print_json, show_carried
 from bussim.commands.common.scenario_options import code_option, set_option, time_of
 from bussim.errors import UsageError
-from bussim.exact.text import ALMOST_CERTAIN, NOT_COVERED, ms, ms_cell, one_in
+from bussim.exact.text import ALMOST_CERTAIN, ms, ms_cell, one_in
 from bussim.files import made_folder
+from bussim.words.language import say
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -195,7 +196,7 @@ def _show(console: Console, bus: str, figures: Figures, request: RequestType) ->
             f"interruption of {ms_cell(figures.silence)} ms, corruption of {ms_cell(figures.corruption)} ms"
         )
         rows.append(("ride-through of the line", text))
-        rows.append(("", NOT_COVERED))
+        rows.append(("", say("exact_not_covered")))
     more = " more" if model.dead else ""
     if figures.one_dead is not None:
         rows.append((f"one{more} station dead", f"link scan {ms_cell(figures.one_dead)} ms"))

@@ -19,7 +19,8 @@ from bussim.exact.sizing.noise_levels import BAD, LEVELS, with_level
 from bussim.scenario import fault_kinds, model
 from bussim.sweep.intervals import student_t
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
-from bussim.wording import about, counted
+from bussim.wording import about
+from bussim.words.language import say
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -81,24 +82,21 @@ class Verification:
 
     def in_words(self) -> str:
         """What was compared, and with what result."""
-        setting = f"D8179 = {self.retries}, D8180 = {self.timeout // (10 * TICKS_PER_MS)}"
+        units = self.timeout // (10 * TICKS_PER_MS)
+        setting = say("verify_setting", retries=self.retries, units=units)
         if self.reason:
-            return f"{setting}: nothing to compare a simulation with: {self.reason}"
+            return say("verify_nothing", setting=setting, reason=self.reason)
         low, high = self.allowed
-        sign = "agrees" if self.agrees else "DISAGREES"
-        expected = about(self.expected_errors)
-        seen = counted(self.errors, "false station error")
-        errors = f"{seen} (exact {expected}, within {low} to {high})"
-        if not self.about_errors:
-            errors = (
-                f"{seen}; hardly one is expected to be seen (exact {expected}), "
-                "so that this says nothing about errors"
-            )
-        raised = f" at {self.times:,g} times the noise, so that errors are seen" if self.times > 1 else ""
-        return (
-            f"simulated {setting}, {counted(self.scans, 'scan')}{raised}: mean {self.mean:.3f} ± "
-            f"{self.half:.3f} ms (exact {self.exact_mean:.3f}), {errors}: {sign}"
-        )
+        found = {"errors": self.errors, "expected": about(self.expected_errors)}
+        errors = say("verify_few", **found)
+        if self.about_errors:
+            errors = say("verify_errors", **found, low=low, high=high)
+        scans = say("verify_scans", scans=self.scans)
+        if self.times > 1:
+            scans = say("verify_raised", scans=self.scans, times=self.times)
+        times = {"mean": self.mean, "half": self.half, "exact": self.exact_mean}
+        sign = say("verify_agrees" if self.agrees else "verify_disagrees")
+        return say("verify_said", setting=setting, scans=scans, errors=errors, sign=sign, **times)
 
     def to_json(self) -> dict[str, object]:
         """As plain data."""
@@ -222,7 +220,7 @@ def compare(scenario: model.Scenario, bus: str, setting: Verification, scans: in
     exact: LinkModel = from_scenario(scenario)[bus]
     figures = figures_of(exact, Request(levels={}, refresh=False))
     if not figures.valid:
-        return replace(setting, reason="; ".join(figures.reasons))
+        return replace(setting, reason=say("semicolon_list", texts=figures.reasons))
     rows = api.run(replace(scenario, duration=round(scans * (figures.mean or TICKS_PER_SECOND)))).link_scans
     rows = rows[rows["bus"] == bus][_FIRST:]
     count, factor = len(rows), _variance_factor(figures)

@@ -20,7 +20,7 @@ from bussim.plc.ports.cpavl import INTERVAL, INTERVAL_UNIT, TIMEOUT, TIMEOUT_UNI
 from bussim.plc.ports.spec import PollSpec
 from bussim.scenario import fault_kinds, model
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
-from bussim.wording import counted
+from bussim.words.language import say
 
 #: Two-sided 99.99 % of a normal variable; attempts that are simulated, and failed ones that are wanted.
 _WIDTH, _ATTEMPTS, _WANTED = 3.89, 3_000, 60
@@ -53,11 +53,17 @@ class PortVerification:
     def in_words(self) -> str:
         """What was compared, and with what result."""
         low, high = (round(value) for value in self.allowed)
-        state = f"{self.dead} dead" if self.dead else f"a bit error rate of {self.ber:.2g}"
-        return (
-            f"simulated with {state}: {counted(self.failed, 'failed attempt')} of {self.attempts:,} (exact "
-            f"{low:,} to {high:,}), longest cycle {self.longest / TICKS_PER_MS:.3f} ms (bound "
-            f"{self.bound / TICKS_PER_MS:.3f}): {'agrees' if self.agrees else 'DISAGREES'}"
+        state = say("verify_dead", device=self.dead) if self.dead else say("verify_ber", rate=self.ber)
+        return say(
+            "verify_port",
+            state=state,
+            failed=self.failed,
+            attempts=self.attempts,
+            low=low,
+            high=high,
+            longest=self.longest / TICKS_PER_MS,
+            bound=self.bound / TICKS_PER_MS,
+            sign=say("verify_agrees" if self.agrees else "verify_disagrees"),
         )
 
     def to_json(self) -> dict[str, object]:

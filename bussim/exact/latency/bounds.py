@@ -41,6 +41,7 @@ from bussim.exact.text import in_ms
 from bussim.plc.link_registers import D_STATION, setting_values
 from bussim.scenario.model import Edge, Plc, Scenario
 from bussim.scenario.signals.paths import SignalPath, signal_paths
+from bussim.words.language import say
 
 #: Keys of the two cases beside those with lost replies.
 NO_ERROR, EVERY_RETRY = "no error", "every retry spent"
@@ -86,7 +87,7 @@ class LatencyBound:
     @property
     def caveats(self) -> tuple[str, ...]:
         """What the bound leaves out or takes for granted, in words."""
-        gates = [f"holds as long as {', '.join(self.gates)} let it through"] if self.gates else []
+        gates = [say("bound_gates", gates=", ".join(self.gates))] if self.gates else []
         return (*gates, *self.notes)
 
     @property
@@ -174,9 +175,7 @@ def _bound(path: SignalPath, models: dict[str, LinkModel]) -> LatencyBound:
     model = models[path.bus] if path.bus is not None else None
     notes = model.notes if model is not None else ()
     ports = {plc.name: plc.ports for plc in (source, target)}
-    notes += tuple(
-        f"holds as long as no port of {plc} writes a device on the path" for plc in ports if ports[plc]
-    )
+    notes += tuple(say("bound_ports", plc=plc) for plc in ports if ports[plc])
     reason = path.reason or _obstacle(path, model)
     if reason:
         return LatencyBound(name, word, reason=reason, notes=notes)
@@ -193,11 +192,7 @@ def _bound(path: SignalPath, models: dict[str, LinkModel]) -> LatencyBound:
         return bound
     if model.dead and model.absent.probes:
         absent = ", ".join(str(station.number) for station in model.dead)
-        note = (
-            "holds from the first link scan in which the error flags of the stations that never reply "
-            f"({absent}) are on: until then each takes all its attempts once"
-        )
-        notes = (*notes, note)
+        notes = (*notes, say("bound_flags", stations=absent))
     link_scan = clean_scan(model, slowest=True)
     replied = {s.number: model.replied(s) - s.extra + s.slowest for s in model.alive}
     return replace(
@@ -228,12 +223,12 @@ def _obstacle(path: SignalPath, model: LinkModel | None) -> str:
     if reasons := model.obstacles or tuple(model.timeout_reasons()):
         return reasons[0]
     if not (MODES[model.mode].words if path.word else MODES[model.mode].bits):
-        return f"refresh mode {model.mode} shares no {'words' if path.word else 'bits'}"
+        return say("bound_no_words" if path.word else "bound_no_bits", mode=model.mode)
     polled = {station.number: station for station in model.stations}
     known = {**{station.number: station for station in model.listeners}, **polled}
     source, target = _number(path.source), _number(path.target)
     if source != MASTER and (source not in polled or not polled[source].alive):
-        return f"{path.source.name} is never heard on {path.bus}"
+        return say("bound_never_heard", name=path.source.name, bus=path.bus)
     if target != MASTER and (target not in known or not known[target].hears):
-        return f"{path.target.name} hears nothing on {path.bus}"
+        return say("bound_hears_nothing", name=path.target.name, bus=path.bus)
     return ""

@@ -16,6 +16,7 @@ from typing import assert_never
 from bussim.exact.polls.poll_list import PollListModel, PollModel
 from bussim.scenario.fault_kinds import Direction
 from bussim.scenario.model import ALWAYS, BitErrors, Burst, Impulse, Noise, ReplyLoss
+from bussim.words.language import say
 
 
 @dataclass(slots=True)
@@ -42,7 +43,7 @@ class LineErrors:
 
     def _add(self, noise: Noise, master: str) -> None:
         if noise.window != ALWAYS:
-            self.reasons.append(f"{noise.name} acts only for a part of the run")
+            self.reasons.append(say("poll_noise_partly", name=noise.name))
             return
         match noise.kind:
             case BitErrors(ber):
@@ -52,7 +53,7 @@ class LineErrors:
             case ReplyLoss(probability):
                 self.lost.setdefault(noise.target.station or "", []).append(probability)
             case Burst() | Impulse():
-                self.reasons.append(f"{noise.name} comes and goes: attempts do not fail independently")
+                self.reasons.append(say("poll_noise_bursts", name=noise.name))
             case _ as never:
                 assert_never(never)
 
@@ -90,10 +91,10 @@ def dependent(model: PollListModel, poll: PollModel) -> str:
     """Why the attempts of a poll do not fail independently of each other, in words; "" if they do."""
     chance = in_time(poll, model.timeout)
     if chance is None:
-        return f"{poll.device} responds at END, and its wait for END goes on from attempt to attempt"
+        return say("poll_end_wait", device=poll.device)
     following = poll.request + model.timeout + model.master_timing.gap().least
     if chance < 1 and poll.response_end.most > following:
-        return f"a response of {poll.device} that is too late can meet the next request"
+        return say("poll_meets_next", device=poll.device)
     return ""
 
 
@@ -136,7 +137,8 @@ def failures(model: PollListModel, poll: PollModel, a_year: float) -> Failures:
     """The failures of a poll with so many turns a year. A broadcast cannot fail."""
     if not poll.device:
         return Failures(0.0, 0.0, a_year)
-    reason = "; ".join(model.noise_reasons) or dependent(model, poll)
+    reasons = list(model.noise_reasons)
+    reason = say("semicolon_list", texts=reasons) if reasons else dependent(model, poll)
     if reason:
         return Failures(1.0, 1.0, a_year, reason)
     fails = attempt_fails(model, poll)

@@ -28,6 +28,7 @@ from bussim.scenario.fault_kinds import DropReply, PowerOff, Slow, Stop
 from bussim.scenario.model import Fault, Plc, Scenario, Window
 from bussim.units import round_half_up
 from bussim.wording import names
+from bussim.words.language import say
 
 
 def poll_lists(
@@ -106,10 +107,10 @@ class _Reader:
             if any(poll.sends for poll in said):
                 self.scripted.setdefault(port.bus, []).append(port.node)
             if polls:
-                self._no_list(port, "it speaks a free protocol: an exchange ends when the other nodes let it")
+                self._no_list(port, say("poll_free"))
             return
         if plc.program is not None and protocol.endswith("-master") and (polls or plc.program.uses_ports):
-            self._program(port, "drives RS2" if not polls else "makes scans longer beside its polls")
+            self._program(port, say("poll_longer_scans" if polls else "poll_drives"))
             return
         framing = (
             Framing.ascii(profile.ascii_gap)
@@ -120,7 +121,7 @@ class _Reader:
         )
         if framing is None:
             if polls:
-                self._no_list(port, "it has no protocol")
+                self._no_list(port, say("poll_no_protocol"))
         elif protocol.endswith("-slave"):
             self._slave_port(port, settings, framing)
         elif asked:
@@ -143,7 +144,7 @@ class _Reader:
     def _slave_port(self, port: _Port, settings: PortSettings, framing: Framing) -> None:
         plc = port.plc
         if [poll for poll in plc.polls if poll.port == port.name]:
-            self._no_list(port, "it is a Modbus slave")
+            self._no_list(port, say("poll_slave"))
         loads = sum(other.works for other in self.ports if other.plc is plc) * plc.profile.transaction_time
         self.slaves.append(
             SlaveModel(
@@ -161,9 +162,9 @@ class _Reader:
             )
         )
 
-    def _program(self, port: _Port, does: str) -> None:
+    def _program(self, port: _Port, why: str) -> None:
         self.asking.setdefault(port.bus, []).append(port.node)
-        self._no_list(port, f"its program {does}: how long that takes depends on what it does")
+        self._no_list(port, why)
 
     def _scans(self, port: _Port, interval: int) -> Scans:
         plc = port.plc
@@ -236,7 +237,7 @@ class _Reader:
             and _owner(fault) not in gone
         ]
         found += [noise.name for noise in self.scenario.noise if noise.target.bus == bus]
-        return [f"left out of the figures without errors: {names(found)}"] if found else []
+        return [say("poll_left_out", names=names(found))] if found else []
 
     # -- the list ----------------------------------------------------------------------------------
 
@@ -248,7 +249,7 @@ class _Reader:
         for spec in master.polls:
             poll = poll_model(master, spec, slaves)
             if isinstance(poll, str):
-                obstacles.append(f"{spec.name}: {poll}")
+                obstacles.append(say("poll_of", poll=spec.name, why=poll))
             else:
                 polls.append(poll)
                 asked += [slave for slave in slaves if slave.name == poll.device]
@@ -285,27 +286,20 @@ class _Reader:
         found = []
         others = [node for node in self.asking[master.bus] if node != master.node]
         if others:
-            found.append(
-                f"{names(others)} also {'asks' if len(others) == 1 else 'ask'} on {master.bus}: "
-                "requests and responses collide"
-            )
+            key = "poll_asks" if len(others) == 1 else "poll_ask"
+            found.append(say(key, names=names(others), bus=master.bus))
         scripted = self.scripted.get(master.bus, [])
         if scripted:
-            found.append(f"{names(scripted)} sends on {master.bus} in a protocol of its own: frames collide")
+            found.append(say("poll_scripted", names=names(scripted), bus=master.bus))
         return found
 
     def _notes(self, master: MasterModel, polls: list[PollModel], off: list[str]) -> list[str]:
         notes = []
         if any(poll.waits for poll in polls):
             waiting = dict.fromkeys(poll.device for poll in polls if poll.waits)
-            notes.append(
-                f"{names(waiting)} responds at END: how its scans drift against the requests decides the "
-                "mean, so that only bounds are given"
-            )
+            notes.append(say("poll_at_end", names=names(waiting)))
         elif master.plc and master.master_timing.mean(exactly(1)) is None:
-            notes.append(
-                "other ports of the PLC lengthen some of its scans, so that only bounds are given, no mean"
-            )
+            notes.append(say("poll_other_ports"))
         return notes + self._left_out(master.bus, off)
 
 

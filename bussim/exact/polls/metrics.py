@@ -13,6 +13,7 @@ from bussim.exact.polls.master_timing import Span
 from bussim.exact.polls.poll_list import PollListModel, PollModel
 from bussim.exact.polls.text import remarks, when_off
 from bussim.units import TICKS_PER_MS
+from bussim.words.language import say
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +162,7 @@ class PollFigures:
     def in_words(self) -> list[str]:
         """The figures that are read best as sentences: what a dead slave costs."""
         if not self.model.valid:
-            return [f"no figures: {reason}" for reason in self.model.obstacles]
+            return [say("poll_no_figures", reason=reason) for reason in self.model.obstacles]
         return [
             when_off(each.devices, each.polls, self.model.timeout, each.lost, each.cycle)
             for each in (*self.dead, *self.more_dead)

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 from bussim.engines.modbus.adu import BROADCAST, Mode
-from bussim.engines.modbus.codes import MEANINGS
 from bussim.engines.modbus.framing import Framing, reply_times
 from bussim.engines.modbus.master import refusal
 from bussim.engines.modbus.pdu import MAX_PDU, READS, WRITES, Request, encode_request, response_size
@@ -20,7 +19,8 @@ from bussim.plc.ports.device_layout import fits, is_bits
 from bussim.plc.ports.requests import make_request
 from bussim.plc.ports.spec import PollSpec
 from bussim.units import format_ms
-from bussim.wording import counted, names
+from bussim.wording import names
+from bussim.words.language import say
 
 #: The most registers that one read of all families asks for (V80 manual: 125; coils are fewer words).
 _MOST_WORDS = 125
@@ -69,11 +69,11 @@ def poll_model(master: MasterModel, spec: PollSpec, slaves: list[SlaveModel]) ->
     bare = Request(spec.function, spec.address, spec.count)
     error = refusal(spec.station, bare)
     if error is not None:
-        return f"it cannot be sent ({MEANINGS[error]})"
+        return say("poll_cannot_send", why=say(f"port_error_{error:02}"))
     if spec.device is not None and not fits(spec.device, spec.function, spec.count):
-        return f"{spec.count} items do not lie in memory from {spec.device} on"
+        return say("poll_not_in_memory", count=spec.count, device=str(spec.device))
     if spec.function in WRITES and len(values) != spec.count:
-        return f"it has {counted(len(values), 'value')} for {counted(spec.count, 'address')}"
+        return say("poll_values", values=len(values), count=spec.count)
     request = make_request(spec.function, spec.address, spec.count, values)
     size = master.framing.chars(len(encode_request(request)))
     sent = master.timing.characters(size)
@@ -97,16 +97,17 @@ def poll_model(master: MasterModel, spec: PollSpec, slaves: list[SlaveModel]) ->
     asked = [slave for slave in slaves if slave.station == spec.station]
     heard = [slave for slave in asked if slave.understands(master.framing.mode, master.timing)]
     if not heard:
-        why = f", {names(slave.name for slave in asked)} has another format or mode" if asked else ""
-        return f"no slave on {master.bus} responds as station {spec.station}{why}"
+        key = "poll_nobody_format" if asked else "poll_nobody"
+        others = names(slave.name for slave in asked)
+        return say(key, bus=master.bus, station=spec.station, **({"names": others} if asked else {}))
     if len(heard) > 1:
-        return f"{names(slave.name for slave in heard)} both respond as station {spec.station} and collide"
+        return say("poll_both", names=names(slave.name for slave in heard), station=spec.station)
     slave = heard[0]
     if slave.programmed:
-        return f"{slave.name} responds at END, and its program makes its scans longer by no known time"
+        return say("poll_programmed", name=slave.name)
     refused = slave.refuses(request, valued=bool(spec.values) and not is_bits(spec.function))
     if refused:
-        return f"{slave.name} refuses it every time: {refused}"
+        return say("poll_refused", name=slave.name, why=refused)
     answer = slave.framing.chars(response_size(request))
     response = slave.timing.characters(answer)
     served, end = _response_times(slave, sent, response)
@@ -115,8 +116,7 @@ def poll_model(master: MasterModel, spec: PollSpec, slaves: list[SlaveModel]) ->
     if awaited.most > sent + master.timeout and not master.sized:
         always = awaited.least > sent + master.timeout
         span = _ms_span(Span(end.least - sent, end.most - sent))
-        late = "never comes in time" if always else "may come too late"
-        return f"the response of {slave.name} takes {span} from the request's end on: it {late}"
+        return say("poll_never" if always else "poll_maybe_late", name=slave.name, span=span)
     quiet = exactly(master.framing.closing)
     # Who takes its values early waits for its delay to be over.
     bits = [count * slave.timing.format.bits for count in (size, answer)]
@@ -159,8 +159,7 @@ def too_hasty(master: MasterModel, slaves: list[SlaveModel]) -> list[str]:
     if master.sized:
         return []
     return [
-        f"{name} needs {format_ms(need + quiet)} of silence before a request, "
-        f"and gets {format_ms(gap + quiet)}"
+        say("poll_silence", name=name, needed=format_ms(need + quiet), given=format_ms(gap + quiet))
         for name, need in silence_needed(master, slaves).items()
         if need > gap
     ]
@@ -195,4 +194,5 @@ def _alike(poll: PollSpec) -> tuple[object, ...]:
 
 
 def _ms_span(span: Span) -> str:
-    return format_ms(span.least) if span.fixed else f"{format_ms(span.least)} to {format_ms(span.most)}"
+    least, most = format_ms(span.least), format_ms(span.most)
+    return least if span.fixed else say("poll_span", least=least, most=most)

@@ -12,6 +12,7 @@ from bussim.engines.modbus.pdu import READS, ExceptionResponse, Request
 from bussim.engines.modbus.server import SPACES, serve
 from bussim.exact.polls.master_timing import Span, exactly
 from bussim.line.characters import LineTiming
+from bussim.words.language import say
 
 _NOTHING = exactly(0)
 
@@ -52,19 +53,19 @@ class SlaveModel:
         """
         found, function = self.map, request.function
         if function not in found.functions:
-            return "it does not have that function (exception 01)"
+            return say("poll_no_function")
         if request.quantity > found.limits.of(function):
-            return f"it takes at most {found.limits.of(function)} at once (exception 03)"
+            return say("poll_at_most", number=found.limits.of(function))
         parts = found.parts(SPACES[function], request.address, request.quantity)
         if parts is None:
-            return "it does not have all of these addresses (exception 02)"
+            return say("poll_no_address")
         if function in READS:
             return ""
         if not all(part.area.writable for part in parts):
-            return "it does not allow writing there (exception 02)"
+            return say("poll_read_only")
         response = serve(found, request, 0) if valued else None
         if isinstance(response, ExceptionResponse):
-            return f"it refuses these values (exception {response.code:02})"
+            return say("poll_bad_values", code=int(response.code))
         return ""
 
 

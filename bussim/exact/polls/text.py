@@ -9,6 +9,7 @@ from bussim.exact.polls.poll_list import PollListModel, PollModel
 from bussim.exact.text import at_least, at_most, ms
 from bussim.units import TICKS_PER_SECOND
 from bussim.wording import about, names
+from bussim.words.language import say
 
 
 def when_off(devices: Sequence[str], polls: Sequence[PollModel], timeout: int, lost: int, cycle: Span) -> str:
@@ -18,18 +19,16 @@ def when_off(devices: Sequence[str], polls: Sequence[PollModel], timeout: int, l
         groups.setdefault(poll.retries, []).append(poll.name)
     parts = []
     for retries, group in groups.items():
-        attempts = f"{_count(retries, 'retry', 'retries')} = {_count(retries + 1, 'attempt', 'attempts')}"
-        on = f"{_count(len(group), 'poll', 'polls')} ({names(group)})"
-        parts.append(f"{attempts} × {ms(timeout)} ms on {on}")
-    who = f"{names(devices)} {'is' if len(devices) == 1 else 'are'} dead"
-    return (
-        f"{' + '.join(parts)}: {duration(lost)} when {who}; "
-        f"with the rest of the cycle {_to(cycle)}{duration(cycle.most)}"
-    )
+        counts = {"retries": retries, "attempts": retries + 1, "polls": len(group)}
+        parts.append(say("poll_attempts", **counts, timeout=ms(timeout), names=names(group)))
+    key = "poll_off" if len(devices) == 1 else "poll_off_several"
+    times = {"lost": duration(lost), "cycle": _between(cycle)}
+    return say(key, parts=say("plus_list", texts=parts), names=names(devices), **times)
 
 
-def _to(span: Span) -> str:
-    return "" if span.fixed else f"{duration(span.least, at_least)} to "
+def _between(span: Span) -> str:
+    most = duration(span.most)
+    return most if span.fixed else say("poll_span", least=duration(span.least, at_least), most=most)
 
 
 def duration(ticks: int, rounded: Callable[[float, int], float] = at_most) -> str:
@@ -39,10 +38,6 @@ def duration(ticks: int, rounded: Callable[[float, int], float] = at_most) -> st
     return f"{rounded(ticks * 1000 / TICKS_PER_SECOND, 4):.4g} ms"
 
 
-def _count(number: int, one: str, more: str) -> str:
-    return f"{number or 'no'} {one if number == 1 else more}"
-
-
 def remarks(model: PollListModel, *, fits: bool, continuous: bool) -> tuple[str, ...]:
     """What must be known beside the figures."""
     said = []
@@ -50,31 +45,21 @@ def remarks(model: PollListModel, *, fits: bool, continuous: bool) -> tuple[str,
     endless = [poll.name for poll in model.cyclic if not poll.every]
     if paced and continuous:
         longest = max(paced, key=lambda poll: poll.every)
-        said.append(
-            f"one turn of each poll takes longer than {longest.name} may wait ({ms(longest.every)} ms): the "
-            "list goes round without a pause"
-        )
+        said.append(say("poll_continuous", poll=longest.name, every=ms(longest.every)))
     elif endless and paced:
-        said.append(
-            f"{names(endless)} {'has' if len(endless) == 1 else 'have'} no period and so fill the time "
-            "between the others: the cycle's bounds are wide, and no mean is known"
-        )
+        key = "poll_endless" if len(endless) == 1 else "poll_endless_several"
+        said.append(say(key, names=names(endless)))
     elif not (fits or continuous):
         shortest = min(paced, key=lambda poll: poll.every)
-        said.append(
-            f"one turn of each poll can take longer than {shortest.name} may wait ({ms(shortest.every)} ms): "
-            "then a turn is left out"
-        )
+        said.append(say("poll_left_turn", poll=shortest.name, every=ms(shortest.every)))
     if model.commands:
-        said.append(f"turns of {names(poll.name for poll in model.commands)} come on top of the cycle")
+        said.append(say("poll_on_top", names=names(poll.name for poll in model.commands)))
     if model.off:
-        said.append(
-            f"{names(model.off)} dead for the whole run: the figures without errors are those with it alive"
-        )
+        said.append(say("poll_dead_all", names=names(model.off)))
     return tuple(said)
 
 
 def percent(load: tuple[float, float]) -> str:
     """A bus load, or its bounds."""
     least, most = (f"{about(100 * part)}" for part in load)
-    return f"{least} %" if least == most else f"{least} to {most} %"
+    return say("poll_span", least=least, most=f"{most} %") if least != most else f"{least} %"

@@ -16,12 +16,12 @@ from bussim.exact.sizing.noise_levels import BAD, LEVELS, TYPICAL, scaled_noise,
 from bussim.exact.text import a_year, ms_at_least, ms_at_most
 from bussim.plc.profiles import AbsentStation, Attempts, attempts_per_poll
 from bussim.scenario.provenance import classes, in_words
+from bussim.words.language import say
 
 #: So many assumptions are named.
 _MOST = 3
 #: A figure that changes by less than this part of it is not named.
 _SLIGHT = 0.02
-_NOTHING = "the figures hardly change"
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,18 +53,17 @@ class Assumption:
     @property
     def differs(self) -> bool:
         """Whether another setting would be recommended, or a figure of this one be another."""
-        return not self._stays or changes(self.before, self.otherwise) != _NOTHING
+        return not self._stays or bool(changes(self.before, self.otherwise))
 
     def in_words(self) -> str:
         """What changes, in figures on the safe side."""
-        before = self.before
-        found = changes(before, self.otherwise)
+        found = say("comma_list", texts=changes(self.before, self.otherwise) or [say("assume_nothing")])
+        values = {"name": self.name, "alternative": self.alternative, "changes": found}
         if self.instead is None:
-            return f"{self.name}; {self.alternative}: {found}; no setting meets the goals"
-        advice = f"D8179 = {self.instead.retries}, D8180 = {self.instead.d8180} would be recommended"
+            return say("assume_none_meets", **values)
         if self._stays:
-            advice = "the setting stays"
-        return f"{self.name}; {self.alternative}: {found}; {advice}"
+            return say("assume_stays", **values)
+        return say("assume_instead", **values, retries=self.instead.retries, units=self.instead.d8180)
 
     def to_json(self) -> dict[str, object]:
         """As plain data, times in ms."""
@@ -77,18 +76,18 @@ class Assumption:
         }
 
 
-def changes(before: Choice, then: Choice) -> str:
+def changes(before: Choice, then: Choice) -> list[str]:
     """The figures of a setting that differ between two assumptions, those of the second first."""
-    parts = []
-    for said, old, new, shown in (
-        ("{} false station errors a year", before.errors, then.errors, a_year),
-        ("a scan with a dead station of {}", before.dead, then.dead, ms_at_most),
-        ("{} of interruption pass", before.ride, then.ride, ms_at_least),
-        ("a scan of {}", before.mean, then.mean, ms_at_most),
-    ):
-        if abs(new - old) > _SLIGHT * old and shown(new) != shown(old):
-            parts.append(f"{said.format(shown(new))} instead of {shown(old)}")
-    return ", ".join(parts) or _NOTHING
+    return [
+        say(key, new=shown(new), old=shown(old))
+        for key, old, new, shown in (
+            ("assume_errors", before.errors, then.errors, a_year),
+            ("assume_dead", before.dead, then.dead, ms_at_most),
+            ("assume_interruption", before.ride, then.ride, ms_at_least),
+            ("assume_mean", before.mean, then.mean, ms_at_most),
+        )
+        if abs(new - old) > _SLIGHT * old and shown(new) != shown(old)
+    ]
 
 
 def setting_assumptions(model: LinkModel) -> tuple[str, ...]:
@@ -96,23 +95,24 @@ def setting_assumptions(model: LinkModel) -> tuple[str, ...]:
     if not (model.valid and model.alive):
         return ()
     before = _as_set(model)
-    noise = "the noise is as entered", "with ten times as much", scaled_noise(model, 10)
+    noise = say("assume_as_entered"), say("assume_ten_times"), scaled_noise(model, 10)
     if not model.noisy:
-        noise = "no noise (none is entered)", "at the level bad", with_level(model, LEVELS[BAD])
+        noise = say("assume_no_noise"), say("assume_at_bad"), with_level(model, LEVELS[BAD])
     found = []
     for name, alternative, changed in (*_alternatives(model), noise):
-        if changed.valid and (said := changes(before, then := _as_set(changed))) != _NOTHING:
+        if changed.valid and (said := changes(before, then := _as_set(changed))):
             weight = Assumption(name, alternative, before, then, None).weight
-            found.append((weight, f"{name}; {alternative}: {said}"))
+            texts = say("comma_list", texts=said)
+            found.append((weight, say("assume_changes", name=name, alternative=alternative, changes=texts)))
     return tuple(text for _, text in sorted(found, reverse=True)[:_MOST])
 
 
 def rests_on(model: LinkModel, keys: Iterable[str]) -> dict[str, Any]:
     """What the figures (by their keys) of the setting that a link has rest on, as plain data and as lines."""
     found, most = classes(model.inputs, keys), setting_assumptions(model)
-    text = [f"  {line}" for line in in_words(found)]
+    text = [say("rests_line", line=line) for line in in_words(found)]
     if most:
-        text += ["the assumptions that change the figures most", *(f"  {line}" for line in most)]
+        text += [say("rests_most"), *(say("rests_line", line=line) for line in most)]
     return {**found, "assumptions": list(most), "text": text}
 
 
@@ -134,29 +134,41 @@ def assumptions(model: LinkModel, goals: Goals, recommended: Choice) -> tuple[As
         found.append(Assumption(name, alternative, recommended, then, recommend(changed, goals)))
     if goals.ride and "ride" not in goals.given:
         free = recommend(model, replace(goals, ride=0))
-        name = "the line must survive interruptions of 100 ms (assumed)"
+        name = say("assume_ride")
         if free is not None and _setting(free) != _setting(recommended):
-            found.append(Assumption(name, "with ride>=0", recommended, free, free))
+            found.append(Assumption(name, say("assume_no_ride"), recommended, free, free))
     found += _noise(model, goals, recommended)
     return tuple(sorted(found, key=lambda each: -each.weight)[:_MOST])
 
 
 def _alternatives(model: LinkModel) -> list[tuple[str, str, LinkModel]]:
     found = [
-        (f"D8179 is read as {model.reading} (assumed)", f"read as {other}", replace(model, reading=other))
+        (
+            say("assume_reading", reading=_reading(model.reading)),
+            say("assume_reading_other", reading=_reading(other)),
+            replace(model, reading=other),
+        )
         for other in Attempts
         if other is not model.reading
     ]
     found += [
-        (f"absent_station: {model.absent} (assumed)", f"with {absent}", replace(model, absent=absent))
+        (
+            say(f"assume_absent_{model.absent}"),
+            say(f"assume_absent_{absent}_other"),
+            replace(model, absent=absent),
+        )
         for absent in AbsentStation
         if absent is not model.absent
     ]
     if not any("replies at END" in note for note in model.notes):
         at_end = tuple(replace(station, extra=station.extra + station.scan) for station in model.stations)
         changed = replace(model, stations=at_end)
-        found.append(("a slave replies at once (assumed)", "if it replied at its END, at worst", changed))
+        found.append((say("assume_at_once"), say("assume_at_end"), changed))
     return found
+
+
+def _reading(reading: Attempts) -> str:
+    return say("reading_retries" if reading is Attempts.RETRIES else "reading_retries_plus_1")
 
 
 def _noise(model: LinkModel, goals: Goals, recommended: Choice) -> list[Assumption]:
@@ -170,10 +182,9 @@ def _noise(model: LinkModel, goals: Goals, recommended: Choice) -> list[Assumpti
 
 def _other_noise(model: LinkModel) -> tuple[str, str, LinkModel]:
     if model.noisy:
-        name = "the level bad counts beside the noise as entered (assumed)"
-        return name, "with the noise as entered alone", model
+        return say("assume_bad_beside"), say("assume_entered_alone"), model
     changed = with_level(model, LEVELS[TYPICAL])
-    return "the noise is of the level bad (assumed)", "at the level typical", changed
+    return say("assume_bad"), say("assume_typical"), changed
 
 
 def refused_otherwise(model: LinkModel, goals: Goals) -> tuple[str, ...]:
@@ -181,12 +192,18 @@ def refused_otherwise(model: LinkModel, goals: Goals) -> tuple[str, ...]:
     noise = _other_noise(model)
     alternatives = [(each, False) for each in _alternatives(model)] + [(noise, True)]
     said = [
-        f"{name}; {alternative}: D8179 = {choice.retries}, D8180 = {choice.d8180} would be recommended"
+        say(
+            "assume_then",
+            name=name,
+            alternative=alternative,
+            retries=choice.retries,
+            units=choice.d8180,
+        )
         for (name, alternative, changed), alone in alternatives
         if timeout_floor(changed) <= changed.timeout_range[1] * TIMEOUT_UNIT
         and (choice := recommend(changed, goals, alone=alone))
     ]
-    return tuple(said) or ("no setting would meet the goals if any of them were otherwise",)
+    return tuple(said) or (say("assume_no_help"),)
 
 
 def _setting(choice: Choice) -> tuple[int, int]:

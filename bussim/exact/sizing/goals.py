@@ -11,6 +11,7 @@ from difflib import get_close_matches
 from bussim.exact.text import a_year, at_most, ms_at_least, ms_at_most
 from bussim.units import TICKS_PER_MS, UNIT_TICKS, format_time, parse_time
 from bussim.wording import about
+from bussim.words.language import say
 
 #: The forms of a goal, for messages and help texts.
 FORMS = {
@@ -30,7 +31,6 @@ PORT_GOALS = ("errors", "cycle", "dead", "age")
 _GOAL = re.compile(r"\s*([A-Za-z_]+)\s*(<=|>=|=)\s*([^@]+?)\s*(?:@\s*(\S+)\s*)?")
 _RATE = re.compile(r"([0-9.eE+-]+)\s*(?:/|per\s*)\s*(y|year|d|day|h)?")
 _PER_YEAR = {"y": 1.0, "d": 365.0, "h": 8760.0}
-_UNITS = {"y": "a year", "d": "a day", "h": "an hour"}
 
 #: The outage of the line in ticks that must pass unless the user says otherwise (assumed).
 OUTAGE = 100 * TICKS_PER_MS
@@ -58,9 +58,14 @@ class Rate(float):
         """The rate as in a goal: ``1/d``."""
         return f"{self.count:.12g}/{self.unit}"
 
-    def __str__(self) -> str:
+    def in_words(self) -> str:
         """The rate in words: ``1 a day``."""
-        return f"{self.count:.12g} {_UNITS[self.unit]}"
+        return say(f"goal_rate_{self.unit}", count=f"{self.count:.12g}")
+
+    def in_times(self) -> str:
+        """The rate in words: ``once a day``, ``2 times a day``."""
+        how = "once" if self.count == 1 else "times"
+        return say(f"goal_{how}_{self.unit}", count=f"{self.count:.12g}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,13 +193,8 @@ class Goals:
         """Each goal of a poll list in words, by its name."""
         limits = {name: self.limit(name) for name in self.of_ports()}
         times = {name: format_time(round(limit)) for name, limit in limits.items() if name != "errors"}
-        words = {
-            "cycle": "a cycle of at most {} without errors",
-            "dead": "a cycle of at most {} on average with one device dead",
-            "age": "data that are at most {} old without errors",
-        }
-        errors = {"errors": f"failed turns: at most {Rate.of(self.errors)}"}
-        return errors | {name: words[name].format(time) for name, time in times.items()}
+        errors = {"errors": say("goal_port_errors", rate=Rate.of(self.errors).in_words())}
+        return errors | {name: say(f"goal_port_{name}", time=time) for name, time in times.items()}
 
     def figure(self, name: str, value: float) -> str:
         """The figure that a goal limits, in words that claim no more than it, by the goal's name."""
@@ -204,42 +204,36 @@ class Goals:
             case "dead":
                 return ms_at_most(value)
             case "scan":
-                return f"a probability of {at_most(value):.1e}"
+                return say("figure_probability", chance=at_most(value))
             case "heartbeat":
-                return f"{about(at_most(value))} times a year"
+                return say("figure_times_a_year", number=about(at_most(value)))
             case "errors" if value <= self.errors:
-                return "more than one error in 20 link scans"
+                return say("figure_many_errors")
             case _:
-                return f"{a_year(value)} a year"
+                return say("figure_a_year", number=a_year(value))
 
     def _described(self) -> dict[str, tuple[str, str]]:
         every = Rate.of(self.errors)
-        found = {"errors": (f"errors<={every.form}", f"false station errors: at most {every}")}
+        found = {"errors": (f"errors<={every.form}", say("goal_errors", rate=every.in_words()))}
         if self.onsets is not None:
             rate = Rate.of(self.onsets)
-            found["onsets"] = (f"onsets<={rate.form}", f"false station errors that begin: at most {rate}")
+            found["onsets"] = (f"onsets<={rate.form}", say("goal_onsets", rate=rate.in_words()))
         if self.scan is not None:
             limit, chance = format_time(self.scan[0]), f"{self.scan[1]:.12g}"
-            words = f"a scan over {limit} with probability at most {chance}"
-            found["scan"] = (f"scan<={limit}@{chance}", words)
+            found["scan"] = (f"scan<={limit}@{chance}", say("goal_scan", time=limit, chance=chance))
         if self.dead is not None:
             limit = format_time(self.dead)
-            found["dead"] = (f"dead<={limit}", f"a scan of at most {limit} with one station dead")
+            found["dead"] = (f"dead<={limit}", say("goal_dead", time=limit))
         if self.ride:
             time = format_time(self.ride)
-            words = f"an interruption of the line of {time} without a station error"
-            found["ride"] = (f"ride>={time}", words)
+            found["ride"] = (f"ride>={time}", say("goal_ride", time=time))
         elif "ride" in self.given:
-            found["ride"] = ("ride>=0", "no interruption of the line must pass without a station error")
+            found["ride"] = ("ride>=0", say("goal_no_ride"))
         if self.heartbeat is not None:
             preset, missed = format_time(self.heartbeat[0]), Rate.of(self.heartbeat[1])
-            words = f"a heartbeat of {preset} missed at most {_times(missed)}"
+            words = say("goal_heartbeat", time=preset, rate=missed.in_times())
             found["heartbeat"] = (f"heartbeat={preset}@{missed.form}", words)
         return {name: (form.replace(" ", ""), words) for name, (form, words) in found.items()}
-
-
-def _times(rate: Rate) -> str:
-    return f"{'once' if rate.count == 1 else f'{rate.count:.12g} times'} {_UNITS[rate.unit]}"
 
 
 def _time(text: str, value: str, least: int = 1) -> int:

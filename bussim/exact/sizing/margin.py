@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from bussim.exact.sizing.grid import evaluate
 from bussim.exact.sizing.noise_levels import BAD, LEVELS, scaled_noise, weaker_bursts, with_level
 from bussim.exact.text import a_year, at_most, in_ms, ms_at_least, ms_at_most
 from bussim.plc.profiles import MAX_RETRIES
+from bussim.words.language import say
 
 #: Multiples of the noise that are evaluated.
 FACTORS = (1, 10, 100)
@@ -50,21 +52,23 @@ class Margin:
         Where errors make scans longer, a figure a year would fall with more noise: it is that of a scan then.
         """
         if self.per_scan >= _NEARLY * self.stations:
-            said = "every station in error in nearly every scan"
+            said = say("margin_all")
         elif self.per_scan > MOST_ERRORS:
-            said = f"{at_most(self.per_scan)} stations in error in each scan on average"
+            said = say("margin_some", number=at_most(self.per_scan))
         else:
-            said = f"{a_year(self.errors, goal)} false station errors a year"
-        said = f"{self.noise}{' or less' if self.weaker else ''}: {said}"
+            said = say("margin_a_year", number=a_year(self.errors, goal))
+        noise = say("margin_or_less", noise=self.noise) if self.weaker else self.noise
+        values: dict[str, Any] = {"noise": noise, "said": said}
         if self.choice is None:
-            tried = f" with D8179 = {self.setting.retries}, D8180 = {self.setting.d8180}"
-            return f"{said}{tried if self.unmet else ''}; no setting meets the goals there"
-        said += "; "
+            if not self.unmet:
+                return say("margin_none", **values)
+            return say("margin_none_with", **values, retries=self.setting.retries, units=self.setting.d8180)
         if self.holds:
-            return said + "the recommended setting holds"
-        setting = f"D8179 = {self.choice.retries}, D8180 = {self.choice.d8180}"
-        cost = f"{ms_at_most(self.more)} more" if self.more > 0 else f"{ms_at_least(-self.more)} less"
-        return f"{said}{setting} would do: {cost} with a station dead"
+            return say("margin_holds", **values)
+        values |= {"retries": self.choice.retries, "units": self.choice.d8180}
+        if self.more > 0:
+            return say("margin_more", **values, cost=ms_at_most(self.more))
+        return say("margin_less", **values, cost=ms_at_least(-self.more))
 
     def to_json(self) -> dict[str, object]:
         """As plain data, times in ms."""
@@ -90,7 +94,7 @@ def margins(model: LinkModel, goals: Goals, recommended: Choice | None) -> tuple
     found = []
     for factor in FACTORS:
         noisy = scaled_noise(model, factor) if model.noisy else with_level(model, LEVELS[BAD] * factor)
-        base = "noise as entered" if model.noisy else "level bad"
+        base = "entered" if model.noisy else "bad"
         views = [(line, view) for line in noisy.lines for view in (line, *weaker_bursts(line))]
         grids = [
             evaluate(view, (setting.attempts,), (first, setting.timeout), details=False) for _, view in views
@@ -106,7 +110,7 @@ def margins(model: LinkModel, goals: Goals, recommended: Choice | None) -> tuple
             more = there.dead - setting.dead
         found.append(
             Margin(
-                base if factor == 1 else f"{factor} times the {base}",
+                say(f"margin_{base}") if factor == 1 else say(f"margin_times_{base}", factor=factor),
                 factor,
                 setting,
                 float(errors.max()),

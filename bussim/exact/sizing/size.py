@@ -17,8 +17,9 @@ from bussim.exact.sizing.unmet_goals import Unmet, unmet_goals
 from bussim.exact.solve import Solved
 from bussim.exact.text import in_ms, ms, ms_at_most
 from bussim.plc.profiles import MAX_RETRIES, AbsentStation, Attempts, attempts_per_poll
-from bussim.scenario.provenance import ASSUMED, ENTERED, NOISE, classes
+from bussim.scenario.provenance import ASSUMED, ENTERED, GOALS, LEVEL, NOISE, classes
 from bussim.units import TICKS_PER_SECOND
+from bussim.words.language import say
 
 #: Chances of an error within this factor count as equal on the Pareto front, and the longest scan with a
 #: dead station, in ticks, that is considered there.
@@ -84,14 +85,13 @@ class Sizing:
     def level(self) -> str:
         """The noise that the false station errors of the recommended setting are for, in words."""
         if not self.model.noisy or self.recommended is None:
-            return "at the assumed level bad"
+            return say("size_level_bad")
         entered, best = self.margins[0], self.recommended
         bad = with_level(self.model.lines[-1], LEVELS[BAD]).with_setting(best.attempts, best.timeout)
         stations = zip(bad.stations, Solved(bad).fails, strict=True)
         if entered.per_scan < sum(fails.error for station, fails in stations if station.alive):
-            return "at the assumed level bad, which is the more"
-        weaker = "with bursts weaker than entered, of which more attempts fail quickly"
-        return weaker if entered.weaker else "with the noise as entered"
+            return say("size_level_more")
+        return say("size_level_weaker" if entered.weaker else "size_level_entered")
 
     @property
     def figures(self) -> dict[str, str]:
@@ -113,29 +113,27 @@ class Sizing:
         if best is None:
             return ""
         if safe is None:
-            return "no setting meets the goals under every reading of the assumptions"
+            return say("size_apart_none")
         if (safe.retries, safe.timeout) == (best.retries, best.timeout):
-            return "the recommended setting also meets the goals under every other reading of the assumptions"
+            return say("size_apart_same")
         worst = max(choice.dead for choice in safe.choices.values())
-        return (
-            f"D8179 = {safe.retries}, D8180 = {safe.timeout // TIMEOUT_UNIT} would meet the goals under "
-            "every reading of the assumptions (attempts, absent_station); a dead station would then make a "
-            f"scan up to {ms_at_most(worst)} long"
-        )
+        units = safe.timeout // TIMEOUT_UNIT
+        return say("size_apart", retries=safe.retries, units=units, worst=ms_at_most(worst))
 
     def mov_lines(self) -> list[str]:
         """Instructions for the master's setting program, with what they mean behind a semicolon."""
         best = self.recommended
         if best is None:
             return []
-        plural = "attempt" if best.attempts == 1 else "attempts"
-        meaning = f"{best.attempts} {plural} per poll (D8179 read as {self.model.reading})"
-        when = "the program's first step" if self.model.set_under == "M8038" else "the first scan"
-        return [
-            f"LD {self.model.set_under}  ; {when}",
-            f"MOV K{best.retries} D8179  ; retries: {meaning}",
-            f"MOV K{best.d8180} D8180  ; timeout: {ms(best.timeout)} ms",
-        ]
+        retries = say("mov_retries", attempts=best.attempts, reading=str(self.model.reading))
+        lines = {
+            f"LD {self.model.set_under}": say(
+                "mov_first_step" if self.model.set_under == "M8038" else "mov_first_scan"
+            ),
+            f"MOV K{best.retries} D8179": retries,
+            f"MOV K{best.d8180} D8180": say("mov_timeout", time=ms(best.timeout)),
+        }
+        return [say("mov_line", code=code, meaning=meaning) for code, meaning in lines.items()]
 
     def neighbours(self) -> list[tuple[int, int]]:
         """The chosen (retries, timeout in ticks), one retry less and none, for a check by simulation.
@@ -150,8 +148,8 @@ class Sizing:
 
     def classes(self) -> dict[str, dict[str, str]]:
         """Where the inputs come from, and the class of each figure."""
-        inputs = {**self.model.inputs, "the level of noise bad": ASSUMED}
-        inputs["goals"] = ENTERED if {"errors", "ride"} <= set(self.goals.given) else ASSUMED
+        inputs = {**self.model.inputs, LEVEL: ASSUMED}
+        inputs[GOALS] = ENTERED if {"errors", "ride"} <= set(self.goals.given) else ASSUMED
         errors = "false_errors_per_year", "false_error_onsets_per_year"
         figures = ("mean_ms", *errors, "one_dead_ms", "detect_ms", "ride_through_ms")
         found = classes({**inputs, NOISE: ASSUMED}, ("timeout_floor_ms", *figures))
@@ -196,13 +194,10 @@ def size(model: LinkModel, goals: Goals | None = None) -> Sizing:
     if model.obstacles:
         return Sizing(model, goals, valid=False, reasons=model.obstacles)
     if not model.stations:
-        return Sizing(model, goals, valid=False, reasons=("no slave is polled: there is nothing to size",))
+        return Sizing(model, goals, valid=False, reasons=(say("size_no_slave"),))
     floor = timeout_floor(model)
     if floor > model.timeout_range[1] * TIMEOUT_UNIT:
-        reason = (
-            f"the longest reply needs a timeout of at least {ms(floor)} ms, "
-            f"D8180 allows {ms(model.timeout_range[1] * TIMEOUT_UNIT)} ms"
-        )
+        reason = say("size_floor", floor=ms(floor), most=ms(model.timeout_range[1] * TIMEOUT_UNIT))
         return Sizing(model, goals, valid=False, reasons=(reason,), floor=floor)
     views = {absent: evaluate_goals(replace(model, absent=absent), goals) for absent in AbsentStation}
     checked = views[model.absent]
@@ -240,20 +235,19 @@ def size(model: LinkModel, goals: Goals | None = None) -> Sizing:
 def _decided(model: LinkModel, wanted: Goals, best: Choice | None) -> str:
     """Which line needs the recommended setting: as it is, or complete; what would do for either alone."""
     if len(model.lines) == 1:
-        return "no slave replies: all is of the line with all stations replying" if model.dead else ""
+        return say("size_all_dead") if model.dead else ""
     need, said = [], []
-    for name, line in zip(("as it is", "with all stations replying"), model.lines, strict=True):
+    for name, line in zip((say("size_as_is"), say("size_complete")), model.lines, strict=True):
         alone = recommend(model, wanted, lines=(line,))
         if alone is not None and (
             best is None or (alone.retries, alone.timeout) != (best.retries, best.timeout)
         ):
-            said.append(f"{name}, D8179 = {alone.retries}, D8180 = {alone.d8180} would do")
+            said.append(say("size_alone", name=name, retries=alone.retries, units=alone.d8180))
         else:
             need.append(name)
     if best is not None:
-        said.insert(0, f"the line {' and '.join(need) or 'in both states together'} needs this setting")
-    goals = "the goals must be met as it is and with all stations replying, each figure is the worse of both"
-    return "; ".join((goals, *said))
+        said.insert(0, say("size_needs", states=need) if need else say("size_needs_both"))
+    return say("size_two_lines", said=said) if said else say("size_two_lines_only")
 
 
 def _robust(views: dict[AbsentStation, Checked]) -> tuple[Robust | None, tuple[str, ...]]:
@@ -269,11 +263,11 @@ def _robust(views: dict[AbsentStation, Checked]) -> tuple[Robust | None, tuple[s
         found = {key: choice_of(view.grid, key[0], retries, timeout) for key, (view, _) in readings.items()}
         return Robust(retries, timeout, found), ()
     failing = tuple(
-        f"no setting meets the goals with D8179 read as {reading} and absent_station: {absent}"
+        say("size_not_under", reading=str(reading), absent=str(absent))
         for (reading, absent), view in readings.items()
         if least([view]) is None
     )
-    return None, failing or ("each reading has settings that meet the goals, but no setting does under all",)
+    return None, failing or (say("size_not_all"),)
 
 
 def _front(checked: Checked, reading: Attempts, recommended: Choice | None) -> tuple[tuple[Choice, ...], int]:

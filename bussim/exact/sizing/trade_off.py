@@ -13,6 +13,7 @@ from bussim.exact.sizing.margin import FACTORS
 from bussim.exact.sizing.noise_levels import LEVELS, scaled_noise, with_level
 from bussim.exact.sizing.size import Sizing
 from bussim.plc.profiles import MAX_RETRIES, attempts_per_poll
+from bussim.words.language import say
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,10 +82,12 @@ def trade_off(sizing: Sizing) -> TradeOff:
 def _noises(model: LinkModel, *, assumed: bool) -> dict[str, LinkModel]:
     if assumed:
         return {
-            f"{name} (assumed): 1 bit in {1 / ber:,.0f} wrong": with_level(model, ber)
+            say("trade_level", name=name, bits=round(1 / ber)): with_level(model, ber)
             for name, ber in LEVELS.items()
         }
     return {
-        "noise as entered" if factor == 1 else f"{factor} times the noise": scaled_noise(model, factor)
+        say("margin_entered") if factor == 1 else say("trade_times", factor=factor): scaled_noise(
+            model, factor
+        )
         for factor in FACTORS
     }

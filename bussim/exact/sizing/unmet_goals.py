@@ -20,16 +20,12 @@ from bussim.exact.solve import Solved
 from bussim.exact.text import at_least, at_most, ms_at_most
 from bussim.units import TICKS_PER_MS
 from bussim.wording import about
+from bussim.words.language import say
 
 #: How much less noise is tried.
 _LESS = (2, 5, 10, 20, 50, 100, 1_000, 10_000)
 #: So many combinations of changes are searched for, of so many changes each at most.
 _COMBINATIONS, _CHANGES = 4, 3
-#: What is said where no such combination helps.
-NO_HELP = (
-    "no help was found: neither fewer stations, a smaller refresh mode, less noise (to a ten thousandth) or "
-    f"easier goals, nor {_CHANGES} of these at once"
-)
 #: A probability of a scan over a deadline from which on it tells nothing.
 _HOPELESS = 0.99
 
@@ -59,6 +55,11 @@ class Unmet:
         return {"goals": list(self.goals), "text": self.text, "helps": list(self.helps)}
 
 
+def no_help() -> str:
+    """What is said where no combination of changes helps."""
+    return say("help_none", number=_CHANGES)
+
+
 def unmet_goals(model: LinkModel, goals: Goals, checked: Checked) -> tuple[Unmet, ...]:
     """Why no setting meets all goals: all smallest sets of goals that stand against each other."""
     index = sorted(set(rows_of(checked, model.reading)))
@@ -86,13 +87,13 @@ def _conflict(checked: Checked, index: list[int], names: tuple[str, ...]) -> str
     texts = checked.goals.texts()
     if len(names) == 1:
         best = _best(checked, index, names[0], checked.candidates(())[index])
-        return f"{texts[names[0]]}: no setting does; {best}"
+        return say("unmet_alone", goal=texts[names[0]], best=best)
     parts = []
     for name in names:
         others = [other for other in names if other != name]
-        given = " and ".join(texts[other] for other in others)
-        parts.append(f"with {given}, {_best(checked, index, name, checked.meeting(others, index))}")
-    return f"{' and '.join(texts[name] for name in names)}: not together; {'; '.join(parts)}"
+        best = _best(checked, index, name, checked.meeting(others, index))
+        parts.append(say("unmet_given", goals=[texts[other] for other in others], best=best))
+    return say("unmet_together", goals=[texts[name] for name in names], parts=parts)
 
 
 def best_value(
@@ -121,14 +122,13 @@ def _best(checked: Checked, index: list[int], name: str, among: Mask) -> str:
     found = best_value(checked, index, name, among)
     if found is None:
         bound = min(checked.missed_at_least(*setting) for setting in _shortest(index, among))
-        return f"each setting misses it {about(at_least(bound))} times a year or more"
+        return say("unmet_misses", number=about(at_least(bound)))
     value, row, column = found
     shown = checked.goals.figure(name, value)
     if name == "scan" and value > _HOPELESS:
-        least_one = _deadline(checked, index, among)
-        return f"practically every scan takes longer; the least deadline that does is {least_one}"
-    attempts = checked.grid.attempts[index[row]]
-    return f"the best is {shown} (attempts {attempts}, D8180 {checked.grid.timeouts[column] // TIMEOUT_UNIT})"
+        return _deadline(checked, index, among)
+    attempts, units = checked.grid.attempts[index[row]], checked.grid.timeouts[column] // TIMEOUT_UNIT
+    return say("unmet_best", figure=shown, attempts=attempts, units=units)
 
 
 def _deadline(checked: Checked, index: list[int], among: Mask) -> str:
@@ -138,8 +138,8 @@ def _deadline(checked: Checked, index: list[int], among: Mask) -> str:
         for setting in _shortest(index, among)
     ]
     time, row, column = min(found)
-    attempts, d8180 = checked.grid.attempts[row], checked.grid.timeouts[column] // TIMEOUT_UNIT
-    return f"{ms_at_most(time)} (attempts {attempts}, D8180 {d8180})"
+    attempts, units = checked.grid.attempts[row], checked.grid.timeouts[column] // TIMEOUT_UNIT
+    return say("unmet_deadline", time=ms_at_most(time), attempts=attempts, units=units)
 
 
 # -- what would help ------------------------------------------------------------------------------
@@ -231,12 +231,13 @@ def _smallest(model: LinkModel, goals: Goals, kinds: Sequence[_Kind]) -> Change 
     for kind in kinds:
         if kind.name:
             now = now._replace(goals=_no_further(now.model, now.goals, kind.name, goals))
-    setting = _setting(now.model, now.goals)
-    if setting is None:
+    chosen = _setting(now.model, now.goals)
+    if chosen is None:
         return None
     timed = model.noise.chains and {kind.name for kind in kinds} & {"scan", "heartbeat"}
-    less = "; with bursts a little less might do with a longer timeout" if timed else ""
-    return Change(f"{_changes(model, goals, now)} (then {setting}{less})", now.model, now.goals)
+    setting = say("help_setting_bursts" if timed else "help_setting", retries=chosen[0], units=chosen[1])
+    change = say("help_all", changes=_changes(model, goals, now))
+    return Change(say("help_then", change=change, setting=setting), now.model, now.goals)
 
 
 def _no_further(model: LinkModel, goals: Goals, name: str, given: Goals) -> Goals:
@@ -307,33 +308,33 @@ _NO_LIMIT: dict[str, dict[str, Any]] = {
 }
 
 
-def _setting(model: LinkModel, goals: Goals) -> str | None:
-    """The least setting that meets all goals, in words, or None."""
+def _setting(model: LinkModel, goals: Goals) -> tuple[int, int] | None:
+    """D8179 and D8180 of the least setting that meets all goals, or None."""
     checked = evaluate_goals(model, goals)
     chosen = least([(checked, rows_of(checked, model.reading))])
     if chosen is None:
         return None
-    return f"D8179 {chosen[0]}, D8180 {checked.grid.timeouts[chosen[1]] // TIMEOUT_UNIT}"
+    return chosen[0], checked.grid.timeouts[chosen[1]] // TIMEOUT_UNIT
 
 
-def _changes(model: LinkModel, goals: Goals, now: Changed) -> str:
+def _changes(model: LinkModel, goals: Goals, now: Changed) -> list[str]:
     """What differs from a link and its goals, in words."""
     parts = []
     if len(now.model.stations) != len(model.stations):
-        parts.append(
-            f"{len(now.model.stations) + 1} stations on the link instead of {len(model.stations) + 1}"
-        )
+        new, old = len(now.model.stations) + 1, len(model.stations) + 1
+        parts.append(say("help_stations", new=new, old=old))
     if model.alive and len(now.model.dead) < len(model.dead[: len(now.model.stations)]):
-        parts.append("all stations replying")
+        parts.append(say("help_complete"))
     if now.model.mode != model.mode:
-        parts.append(f"refresh mode {now.model.mode} instead of {model.mode}")
+        parts.append(say("help_mode", new=now.model.mode, old=model.mode))
     if now.less > 1:
-        parts.append(f"{now.less:,} times less noise")
-    new, old = now.goals.forms(), goals.forms()
-    parts += [
-        f"{new.get(name, 'ride>=0')} instead of {old[name]}" for name in old if new.get(name) != old[name]
+        parts.append(say("help_noise", times=now.less))
+    after, before = now.goals.forms(), goals.forms()
+    return parts + [
+        say("help_goal", new=after.get(name, "ride>=0"), old=form)
+        for name, form in before.items()
+        if after.get(name) != form
     ]
-    return " and ".join(parts)
 
 
 def with_mode(model: LinkModel, mode: int) -> LinkModel:

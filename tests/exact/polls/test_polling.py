@@ -409,7 +409,7 @@ def test_one_of_two_slaves_dead() -> None:
         assert dead.cycle.fixed
     words = found.in_words()
     assert words[1].startswith(
-        "no retries = 1 attempt × 200 ms on 1 poll (b) + 2 retries = 3 attempts × 200 ms on"
+        "0 retries = 1 attempt × 200 ms on 1 poll (b) + 2 retries = 3 attempts × 200 ms on"
     )
     assert "1.2 s when feeder, oven are dead" in words[2]
 

@@ -24,10 +24,10 @@ from bussim.exact.sizing.grid import evaluate
 from bussim.exact.sizing.noise_levels import scaled_noise
 from bussim.exact.sizing.size import size
 from bussim.exact.sizing.unmet_goals import (
-    NO_HELP,
     Unmet,
     conflicts,
     helpful_changes,
+    no_help,
     unmet_goals,
     with_mode,
 )
@@ -284,7 +284,7 @@ def test_that_no_three_changes_help_is_said() -> None:
     assert {unmet.helps for unmet in sizing.unmet} == {()}
     printed = io.StringIO()
     show_sizing(Console(file=printed, width=300), "link", sizing, ())
-    assert f"    {NO_HELP}\n" in printed.getvalue()
+    assert f"    {no_help()}\n" in printed.getvalue()
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ from bussim.exact.sizing.noise_levels import BAD, LEVELS
 from bussim.exact.text import in_ms
 from bussim.plc.ports.cpavl import DEFAULT_INTERVAL, INTERVAL_UNIT, TIMEOUT_UNIT
 from bussim.units import TICKS_PER_MS
+from bussim.words.language import say
 
 #: The longest timeout that the word +9 of a port holds, in units.
 MOST_UNITS = 0xFFFF
@@ -161,7 +162,7 @@ def setting_of(model: PollListModel, timeout: int, retries: int, interval: int) 
         reasons |= dict.fromkeys(filter(None, (law.reason, dependent(changed, poll))))
         bad = failures(replace(changed, noise_reasons=()), at_level(poll, LEVELS[BAD]), law.a_year)
         worst += max(law.failed_a_year, bad.failed_a_year)
-    reason = "; ".join(reasons)
+    reason = say("semicolon_list", texts=list(reasons)) if reasons else ""
     return PortSetting(timeout, retries, interval, figures, math.nan if reason else worst, reason)
 
 

@@ -26,6 +26,7 @@ from bussim.plc.ports.cpavl import DEFAULT_INTERVAL, INTERVAL, INTERVAL_UNIT, TI
 from bussim.scenario.fault_kinds import Slow
 from bussim.scenario.model import Scenario
 from bussim.units import TICKS_PER_MS
+from bussim.words.language import say
 
 #: Retries that are looked at, and steps of timeouts in the table.
 MOST_RETRIES, _STEPS = 10, 3
@@ -45,12 +46,15 @@ class Remedy:
     def in_words(self) -> str:
         """The change, the setting, and what it gives."""
         found = self.setting
-        dead = "" if found.dead is None else f", with one device dead {ms_at_most(found.dead)} on average"
+        times = {"timeout": ms(found.timeout), "interval": ms(found.interval)}
+        setting = say("help_port_setting", **times, retries=found.retries)
+        if found.cycle is not None:
+            setting = say("help_port_cycle", setting=setting, cycle=ms_at_most(found.cycle))
+        if found.dead is not None:
+            setting = say("help_port_dead", setting=setting, dead=ms_at_most(found.dead))
         if found.dead_longest is not None and found.dead_longest > (found.dead or 0):
-            dead += f" and {ms_at_most(found.dead_longest)} at most"
-        cycle = "" if found.cycle is None else f": cycle {ms_at_most(found.cycle)}"
-        setting = f"timeout {ms(found.timeout)} ms, retries {found.retries}, interval {ms(found.interval)} ms"
-        return f"{self.text} (then {setting}{cycle}{dead})"
+            setting = say("help_port_longest", setting=setting, longest=ms_at_most(found.dead_longest))
+        return say("help_then", change=self.text, setting=setting)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,11 +83,16 @@ class PortSizing:
         best, words = self.recommended, self.model.words
         if best is None or words is None:
             return []
-        return [
-            "LD M8002  ; the first scan, with the port's CPAVL: taken over at STOP→RUN",
-            f"MOV K{best.timeout // TIMEOUT_UNIT} D{words + TIMEOUT}  ; timeout: {ms(best.timeout)} ms",
-            f"MOV K{best.interval // INTERVAL_UNIT} D{words + INTERVAL}  ; interval: {ms(best.interval)} ms",
-        ]
+        lines = {
+            "LD M8002": say("mov_port_first"),
+            f"MOV K{best.timeout // TIMEOUT_UNIT} D{words + TIMEOUT}": say(
+                "mov_timeout", time=ms(best.timeout)
+            ),
+            f"MOV K{best.interval // INTERVAL_UNIT} D{words + INTERVAL}": say(
+                "mov_interval", time=ms(best.interval)
+            ),
+        }
+        return [say("mov_line", code=code, meaning=meaning) for code, meaning in lines.items()]
 
     def pymodbus(self) -> str:
         """The same for pymodbus's serial client, whose timeout counts from handing a request over."""
@@ -105,10 +114,7 @@ class PortSizing:
         best = self.recommended
         if best is None or best.timeout == self.least:
             return ""
-        return (
-            f"a timeout of up to {ms(best.timeout)} ms costs no more than one of {ms(self.least)} ms: "
-            "what counts is the END after it"
-        )
+        return say("poll_margin", most=ms(best.timeout), least=ms(self.least))
 
     def to_json(self) -> dict[str, object]:
         """One poll list of the JSON form, times in ms."""
@@ -159,25 +165,23 @@ _Changed = Callable[[int | None, bool], PollListModel | None]
 def _size(model: PollListModel, goals: Goals, changed: _Changed) -> PortSizing:
     reasons = model.obstacles or model.noise_reasons
     if not reasons and not model.cyclic:
-        reasons = ("it has commands only: nothing goes round",)
+        reasons = (say("poll_commands_only"),)
     if reasons:
         return PortSizing(model, goals, tuple(reasons))
     least = least_timeout(model)
     if least > MOST_UNITS * timeout_unit(model):
-        return PortSizing(
-            model, goals, (f"the longest response needs {ms(least)} ms, more than a port allows",)
-        )
+        return PortSizing(model, goals, (say("poll_longest", time=ms(least)),))
     best = _least(_settings(model), goals)
     found = PortSizing(model, goals, least=least, recommended=best, table=_table(model, best))
     if best is not None:
         dead = best.dead or 0
         tries: list[tuple[str, Iterable[PortSetting]]] = []
         if dead > 2 * (best.cycle or 0):
-            tries.append((_SKIPPED, _settings(_skipping(model))))
+            tries.append((say("help_skip", turns=_SKIP), _settings(_skipping(model))))
         sooner = [each for each in intervals(model) if each < best.interval]
         if sooner and best.interval > DEFAULT_INTERVAL:
-            pause = f"interval {ms(sooner[0])} ms instead of {ms(best.interval)} ms"
-            tries.append((f"{pause}, if nothing else needs that pause", _settings(model, sooner)))
+            pause = say("help_interval", new=ms(sooner[0]), old=ms(best.interval))
+            tries.append((pause, _settings(model, sooner)))
         others = [(text, _least(settings, goals)) for text, settings in tries]
         remedies = tuple(
             Remedy(text, each) for text, each in others if each is not None and (each.dead or 0) < dead
@@ -235,17 +239,14 @@ def _conflict(tried: list[PortSetting], goals: Goals, names: tuple[str, ...]) ->
     for name in names:
         others = tuple(other for other in names if other != name)
         best = min((each.value(name) for each in tried if _meets(each, goals, others)), default=math.inf)
-        figure = f"{a_year(best)} a year" if name == "errors" else ms_at_most(best)
-        given = f"with {' and '.join(texts[other] for other in others)}, " if others else ""
-        parts.append(f"{given}the best is {figure}")
+        figure = say("figure_a_year", number=a_year(best)) if name == "errors" else ms_at_most(best)
+        said = say("unmet_best_port", figure=figure)
+        parts.append(
+            say("unmet_given", goals=[texts[other] for other in others], best=said) if others else said
+        )
     if len(names) == 1:
-        return f"{texts[names[0]]}: no setting does; {parts[0]}"
-    return f"{' and '.join(texts[name] for name in names)}: not together; {'; '.join(parts)}"
-
-
-_SKIPPED = (
-    f"skip_after_failure: {_SKIP} of each poll, so that a device that is off is asked in every tenth turn"
-)
+        return say("unmet_alone", goal=texts[names[0]], best=parts[0])
+    return say("unmet_together", goals=[texts[name] for name in names], parts=parts)
 
 
 def _skipping(model: PollListModel) -> PollListModel:
@@ -276,7 +277,8 @@ def _remedies(
             limit = goals.rounded_up(name, best)
             setting = _least(tried, goals.with_limit(name, limit))
             if setting is not None:
-                yield Remedy(f"{goals.form_of(name, limit)} instead of {goals.form_of(name)}", setting)
+                forms = goals.form_of(name, limit), goals.form_of(name)
+                yield Remedy(say("help_goal", new=forms[0], old=forms[1]), setting)
 
 
 def _tried(model: PollListModel, goals: Goals, changed: _Changed, kinds: tuple[str, ...]) -> Remedy | None:
@@ -286,10 +288,10 @@ def _tried(model: PollListModel, goals: Goals, changed: _Changed, kinds: tuple[s
         found = changed(baud, join)
         if found is None or not found.valid or (join and not found.joined):
             continue
-        texts = [f"one read for {', '.join(names)}" for names in found.joined] if join else []
-        texts += [f"{baud} bps instead of {own}"] if baud is not None else []
-        texts += [_SKIPPED] if "skip" in kinds else []
+        texts = [say("help_join", names=", ".join(names)) for names in found.joined] if join else []
+        texts += [say("help_rate", new=baud, old=own)] if baud is not None else []
+        texts += [say("help_skip", turns=_SKIP)] if "skip" in kinds else []
         setting = _least(_settings(_skipping(found) if "skip" in kinds else found), goals)
         if setting is not None:
-            return Remedy(" and ".join(texts), setting)
+            return Remedy(say("help_all", changes=texts), setting)
     return None
