@@ -13,7 +13,7 @@ from bussim.scenario.yaml.plain import copied
 from bussim.scenario.yaml.source_map import SourceMap
 
 if TYPE_CHECKING:
-    from yaml import MappingNode, Node
+    from yaml import MappingNode, Node, SequenceNode
 
 #: The characters from the first index up to the second one are replaced.
 _Change = tuple[int, int, str]
@@ -24,9 +24,9 @@ def edit(text: str, changes: Mapping[str, object]) -> str:
 
     ``changes`` maps paths as ``--set`` takes them (``"plcs.press1.nn.retries"``) to plain values: numbers,
     text such as ``"8ms"``, true, false, None, lists and dicts. A key that is missing is written behind the
-    last one of its mapping; what is equal already is left as it is written. Raises ScenarioError for a text
-    that is no scenario's YAML, UsageError for a path that leads nowhere and for a value that cannot be
-    changed by itself, as one that others use (an anchor).
+    last one of its mapping, what a list has more behind its last entry; what is equal already is left as it
+    is written. Raises ScenarioError for a text that is no scenario's YAML, UsageError for a path that leads
+    nowhere and for a value that cannot be changed by itself, as one that others use (an anchor).
     """
     mark = "\ufeff" if text.startswith("\ufeff") else ""  # of the byte order
     text = text.removeprefix(mark)
@@ -100,10 +100,14 @@ class _Places:
             isinstance(node, SequenceNode)
             and isinstance(before, list)
             and isinstance(after, list)
-            and len(node.value) == len(before) == len(after)
+            and len(node.value) == len(before)
+            and before
+            and after
         ):
-            for child, old, new in zip(node.value, before, after, strict=True):
+            for child, old, new in zip(node.value, before, after, strict=False):
                 yield from self.changes(child, old, new)
+            if len(before) != len(after):
+                yield self._resized(node, len(before), after)
         else:
             start, end = node.start_mark.index, self._end(node)
             yield start, end, (" " if start == end else "") + dumped_inline(after)
@@ -129,6 +133,16 @@ class _Places:
             begin = self._line_end + " " * node.start_mark.column
             for name, value in added.items():
                 yield at, at, begin + dumped_inline({name: value})[1:-1]
+
+    def _resized(self, node: SequenceNode, many: int, after: list[object]) -> _Change:
+        """Entries behind the last one of a list of so many, or the last ones gone."""
+        ends = [self._end(child) for child in node.value]
+        if not node.flow_style:
+            ends = [self._line(end) for end in ends]
+        if len(after) < many:
+            return ends[len(after) - 1], ends[-1], ""
+        begin = ", " if node.flow_style else f"{self._line_end}{' ' * node.start_mark.column}- "
+        return ends[-1], ends[-1], "".join(begin + dumped_inline(new) for new in after[many:])
 
     def _removed(self, node: MappingNode, number: int) -> _Change:
         """An entry without its line, or without its part of a line."""

@@ -161,3 +161,24 @@ def test_what_was_measured_is_not_once_it_is_set() -> None:
     assert (
         bussim.edit(block, {"line.rate": 6}) == "schema: 1\nline:\n  rate: 6\n  measured:\n    other: s.csv\n"
     )
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "schema: 1\nplcs:\n  - name: a   # first\n    scan: 5 ms\n  - {name: b}  # second\n\n# behind\nname: x\n",
+        "schema: 1\nplcs:\n- name: a\n- name: b\n",
+        "schema: 1\r\nplcs:\r\n  - name: a\r\n  - name: b\r\nname: x\r\n",
+        "schema: 1\nplcs: [{name: a}, {name: b}]  # both\n",
+        "schema: 1\nplcs: [\n  {name: a},  # first\n  {name: b},\n]\n",
+    ],
+)
+def test_a_list_grows_and_shrinks_at_its_end(text: str) -> None:
+    data = read(text, "x")[0]
+    assert isinstance(data, dict)
+    more = [*data["plcs"], {"name": "c", "nn": {"station": 2}}, {"name": "d"}]
+    grown = bussim.edit(text, {"plcs": more})
+    assert read(grown, "x")[0] == {**data, "plcs": more}
+    assert bussim.edit(grown, {"plcs": data["plcs"]}) == text
+    one = bussim.edit(text, {"plcs": data["plcs"][:1]})
+    assert read(one, "x")[0] == {**data, "plcs": data["plcs"][:1]}
