@@ -13,11 +13,7 @@ from bussim.commands.common.scenario_options import code_option
 from bussim.errors import ScenarioError, UsageError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from bussim.exact.metrics import Figures
-    from bussim.exact.scan.mixture import Distribution
     from bussim.report.runs import ExactDistribution, Source
     from bussim.report.scene import Scene
     from bussim.results.meters.histogram import Histogram
@@ -25,8 +21,6 @@ if TYPE_CHECKING:
 
 #: A scenario is no larger (bytes).
 _LARGEST = 4 * 1024 * 1024
-#: The heaviest components of a distribution, and how many points each gets.
-_FINE_COMPONENTS, _FINE_POINTS = 40, 65
 #: Most runs on one axis and in one table.
 _MOST_RUNS = 7
 
@@ -193,28 +187,13 @@ def _distributions(folder: Path, *, allow_code: bool) -> dict[str, ExactDistribu
 
 
 def _distribution(figures: Figures) -> ExactDistribution:
+    from bussim.exact.metrics import fine_curve
     from bussim.report.runs import ExactDistribution
 
     if figures.distribution is None:
         return ExactDistribution(figures.to_json())
-    x, tail = _curve(figures.distribution)
+    x, tail = fine_curve(figures.distribution)
     sentences = figures.in_words()
     return ExactDistribution(
         figures.to_json(), sentences[-1] if sentences else "", figures.model.notes, x.tolist(), tail.tolist()
     )
-
-
-def _curve(distribution: Distribution) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Points (ms) of P(scan > x), close together where most scans are: bars of 10 µs are cut from it."""
-    import numpy as np
-
-    from bussim.exact.metrics import tail_curve
-    from bussim.units import TICKS_PER_MS
-
-    heaviest = np.argsort(distribution.weight)[-_FINE_COMPONENTS:]
-    fine = np.linspace(distribution.shift[heaviest], distribution.upper[heaviest], _FINE_POINTS)
-    rough, _ = tail_curve(distribution)
-    # A component without a width is a jump: a point just before it keeps the line upright.
-    ticks = np.concatenate((rough * TICKS_PER_MS, fine.ravel(), distribution.shift[heaviest] - 1))
-    x = np.unique(ticks)
-    return x / TICKS_PER_MS, distribution.tail(x)

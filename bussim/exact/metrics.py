@@ -26,6 +26,8 @@ YEAR = int(UNIT_TICKS["y"])
 _RESOLVED = 1e-3
 #: The part of the mean link scan by which the blocks' data must change it to be worth telling.
 _TELLING = 1e-3
+#: The heaviest components of a distribution, and how many points each gets in a fine curve.
+_FINE_COMPONENTS, _FINE_POINTS = 40, 65
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,6 +182,17 @@ def tail_curve(
         (distribution.shift[heavy], distribution.upper[heavy], np.linspace(low, high, points))
     )
     x = np.unique(ends[(ends >= low) & (ends <= high)])
+    return x / TICKS_PER_MS, distribution.tail(x)
+
+
+def fine_curve(distribution: Distribution) -> tuple[Floats, Floats]:
+    """Points as of :func:`tail_curve`, close together where most scans are: bars of 10 µs are cut from it."""
+    heaviest = np.argsort(distribution.weight)[-_FINE_COMPONENTS:]
+    fine = np.linspace(distribution.shift[heaviest], distribution.upper[heaviest], _FINE_POINTS)
+    rough, _ = tail_curve(distribution)
+    # A component without a width is a jump: a point just before it keeps the line upright.
+    ticks = np.concatenate((rough * TICKS_PER_MS, fine.ravel(), distribution.shift[heaviest] - 1))
+    x = np.unique(ticks)
     return x / TICKS_PER_MS, distribution.tail(x)
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 def document(
     template: str,
-    script: str,
+    scripts: tuple[str, ...],
     payload: dict[str, Any],
     *,
     styles: tuple[str, ...] = (),
@@ -26,20 +26,21 @@ def document(
 ) -> str:
     """A page from a template of ``assets``, in the language ``lang``, with the values that it shows.
 
-    ``script`` of the same folder draws ``payload``, with uPlot and what all pages draw with; ``styles`` are
+    ``scripts`` of the same folder draw ``payload``, with uPlot and what all pages draw with; ``styles`` are
     added to that of all pages. The page loads nothing: its policy allows these scripts alone.
     """
-    scripts = [text("vendor/uPlot.iife.min.js"), *(text(f"assets/{name}") for name in ("charts.js", script))]
+    own = (text(f"assets/{name}") for name in ("charts.js", *scripts))
+    sources = [text("vendor/uPlot.iife.min.js"), *own]
     return (
-        _environment()
+        environment()
         .get_template(template)
         .render(
             lang=lang,
             css=[text(name) for name in ("vendor/uPlot.min.css", "assets/page.css", *styles)],
-            scripts=scripts,
-            hashes=[_hash(each) for each in scripts],
+            scripts=sources,
+            hashes=[_hash(each) for each in sources],
             licence=text("vendor/LICENSE.uPlot.txt"),
-            payload=_payload(payload),
+            payload=payload_text(payload),
             version=__version__,
             **values,
         )
@@ -52,7 +53,8 @@ def text(name: str) -> str:
 
 
 @cache
-def _environment() -> Environment:
+def environment() -> Environment:
+    """Templates of the folder ``assets``, and texts that extend them; what they are given is escaped."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     return Environment(
@@ -69,7 +71,7 @@ def _hash(script: str) -> str:
     return f"sha256-{base64.b64encode(digest).decode('ascii')}"
 
 
-def _payload(data: dict[str, Any]) -> str:
+def payload_text(data: dict[str, Any]) -> str:
     """JSON that no browser takes for markup, whatever a scenario calls its stations."""
     text = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")

@@ -103,7 +103,7 @@ def report_page(sources: Sequence[Source], command: Sequence[str] = ()) -> str:
     )
     return document(
         "page.html.jinja",
-        "page.js",
+        ("page.js",),
         {"charts": drawn.payload, "runs": RUNS},
         title=title,
         runs=runs,

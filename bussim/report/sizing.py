@@ -39,7 +39,7 @@ def sizing_page(
     }
     return document(
         "sizing.html.jinja",
-        "sizing.js",
+        ("trade_off.js", "sizing.js"),
         payload,
         styles=("assets/sizing.css",),
         lang="zh-Hans" if lang == "zh" else lang,

@@ -189,7 +189,7 @@ def command(
     text = to_json(result)
     paths: list[Path] = []  # written before anything is printed: a reader may leave the screen half-way
     if target is not None:
-        from bussim.commands.size.page import page_items
+        from bussim.exact.sizing.page.items import page_items
         from bussim.report.sizing import sizing_page
 
         with busy("working out the page"):

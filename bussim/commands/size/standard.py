@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from bussim.commands.size.page import Detail, page_items
 from bussim.commands.size.uniform_link import DEFAULT_PROFILE, uniform_link
+from bussim.exact.sizing.page.items import Detail, page_items
 from bussim.exact.sizing.sized import size
 from bussim.plc.profiles import MAX_SLAVES, PROFILES
 from bussim.report.sizing import sizing_page

@@ -426,5 +426,6 @@
     describe(u, left, top) { return [super.describe(u, left, top), ...boundsNear(u, this.data.bounds, left)].filter(Boolean).join(" · "); }
   }
 
-  start({ histogram: Histogram, tail: Tail, "over-run": OverRun, timeline: Timeline, parts: Parts });
+  charts.ofRuns = { histogram: Histogram, tail: Tail, "over-run": OverRun, timeline: Timeline, parts: Parts };
+  start(charts.ofRuns);
 })();

@@ -1,6 +1,6 @@
 "use strict";
 (() => {
-  const { payload, css, node, axis, decades, plain, Chart, again, isPrinting, start } = charts;
+  const { payload, css, node, again, start } = charts;
   const { items, dims } = payload;
   const state = { lang: payload.lang, place: dims.map(() => 0), retries: 0, timeout: 0, noise: 0 };
   const get = (id) => document.getElementById(id);
@@ -103,103 +103,36 @@
   };
 
   // ---- charts ----
-  const CHART_HEIGHT = 270, PRINTED_HEIGHT = 215, FLOOR = 1e-9;
-  const height = () => (isPrinting() ? PRINTED_HEIGHT : CHART_HEIGHT);
-  class Curve extends Chart {
-    content() { // [how many are certain, then probabilities up to the last one above 0]
+  const FLOOR = 1e-9;
+  const kinds = charts.ofSetting({
+    word, kind,
+    isSized: () => item.valid,
+    curve: () => {
+      if (!item.over) return null;
+      // [how many are certain, then probabilities up to the last one above 0]
       const [certain, ...rest] = cell(item.over);
       const known = [...Array(certain + 1).fill(1), ...rest];
-      return [item.x, item.x.map((_, index) => known[index] ?? (index === known.length ? FLOOR / 10 : null))];
-    }
-    draw() {
-      if (!item.over) return;
-      this.data.description = word("curve.text", { setting: setting() });
-      this.whole = [0, item.x[item.x.length - 1]];
-      super.draw();
-    }
-    options() {
-      const splits = [1e-9, 1e-6, 1e-3, 1];
+      const over = item.x.map((_, index) => known[index] ?? (index === known.length ? FLOOR / 10 : null));
       return {
-        height: height(), padding: [12, 26, 0, 0],
-        cursor: { drag: { x: false, y: false } },
-        scales: { x: { time: false, range: () => this.whole }, y: { distr: 3, log: 10, range: () => [FLOOR, 1.6] } },
-        axes: [axis(word("curve.x"), { values: plain }), axis(word("curve.y"), { size: 62, values: decades, splits: () => splits, filter: (u, all) => all })],
-        series: [{}, { stroke: css("--law"), width: 2, points: { show: false }, paths: uPlot.paths.stepped({ align: 1 }) }],
+        data: [item.x, over],
+        series: [{ stroke: css("--law"), width: 2, points: { show: false }, paths: uPlot.paths.stepped({ align: 1 }) }],
+        whole: [0, item.x[item.x.length - 1]],
+        description: word("curve.text", { setting: setting() }),
+        point: (x) => {
+          const index = item.x.findLastIndex((at) => at <= x), p = index < 0 ? 1 : over[index] ?? 0;
+          return word("curve.point", { time: time(item.x[Math.max(0, index)]), p: p < FLOOR ? word("practically") : whole(p) });
+        },
       };
-    }
-    describe(u, left) {
-      const x = u.posToVal(left, "x"), index = item.x.findLastIndex((at) => at <= x);
-      const p = index < 0 ? 1 : u.data[1][index] ?? 0;
-      return word("curve.point", { time: time(item.x[Math.max(0, index)]), p: p < FLOOR ? word("practically") : whole(p) });
-    }
-  }
-  class TradeOff extends Chart {
-    dots() {
-      return rows().map((row) => [figure("dead", { retries: row }), figure("errors", { retries: row }), row])
-        .filter(([x, y]) => x !== null && y !== null).map(([x, y, row]) => [x, Math.max(y, FLOOR), row]);
-    }
-    draw() {
-      if (!item.valid) return;
-      this.data.description = word("trade.text", { setting: setting() });
-      const most = Math.max(1, ...this.dots().map(([x]) => x)) * 1.08, step = 10 ** Math.floor(Math.log10(most));
-      this.whole = [0, [1, 1.5, 2, 3, 4, 5, 6, 8, 10].map((times) => times * step).find((at) => at >= most)];
-      super.draw();
-      this.u.over.addEventListener("click", (event) => {
-        const near = this.near(this.u, event.offsetX, event.offsetY);
-        if (near) choose("retries", near[2]);
-      });
-    }
-    content() { return [this.whole, [1, 1]]; }
-    options() {
-      return {
-        height: height(), padding: [12, 26, 0, 0],
-        cursor: { drag: { x: false, y: false } },
-        scales: { x: { time: false, range: () => this.whole }, y: { distr: 3, log: 10, range: () => [FLOOR, 1e9] } },
-        axes: [axis(word(kind("trade.x")), { values: plain }),
-          axis(word(kind("trade.y")), { size: 76, values: decades, splits: () => [1e-9, 1e-6, 1e-3, 1, 1e3, 1e6, 1e9], filter: (u, all) => all })],
-        series: [{}, { paths: () => null, points: { show: false } }],
-        hooks: { draw: [(u) => this.points(u)] },
-      };
-    }
-    points(u) {
-      const { ctx, bbox } = u, ratio = devicePixelRatio, best = item.recommended[state.noise];
-      ctx.save();
-      ctx.beginPath();
-      ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
-      ctx.clip();
-      ctx.font = `${12 * ratio}px system-ui, sans-serif`;
-      ctx.textBaseline = "middle";
-      for (const [x, y, row] of this.dots()) {
-        const left = u.valToPos(x, "x", true), top = Math.min(u.valToPos(y, "y", true), bbox.top + bbox.height - 8 * ratio);
-        const recommended = best !== null && best[0] === row && best[1] === state.timeout;
-        ctx.fillStyle = ctx.strokeStyle = css(recommended ? "--law" : "--simulated");
-        ctx.beginPath();
-        ctx.arc(left, top, (recommended ? 7 : 5) * ratio, 0, 2 * Math.PI);
-        ctx.fill();
-        if (item.attempts[row] === item.attempts[state.retries]) {
-          ctx.lineWidth = 2.5 * ratio;
-          ctx.strokeStyle = css("--ink");
-          ctx.beginPath();
-          ctx.arc(left, top, 10 * ratio, 0, 2 * Math.PI);
-          ctx.stroke();
-        }
-        ctx.fillStyle = css("--ink");
-        ctx.fillText(String(item.retries[row]), left + 13 * ratio, top - 11 * ratio);
-      }
-      ctx.restore();
-    }
-    near(u, left, top) {
-      const away = ([x, y]) => Math.hypot(u.valToPos(x, "x") - left, Math.min(u.valToPos(y, "y"), u.over.clientHeight - 8) - top);
-      return this.dots().map((dot) => [away(dot), dot]).filter(([far]) => far < 20).sort(([a], [b]) => a - b)[0]?.[1];
-    }
-    legend() {
-      return [[css("--simulated"), word("trade.dot")], [css("--law"), word("trade.best")], [css("--ink"), word("trade.now"), "frame"]];
-    }
-    describe(u, left, top) {
-      const near = this.near(u, left, top);
-      return near ? word("trade.point", { setting: setting(near[2]), dead: time(figure("dead", { retries: near[2] })), errors: rate(figure("errors", { retries: near[2] })) }) : "";
-    }
-  }
+    },
+    dots: () => {
+      const best = item.recommended[state.noise];
+      return rows().map((row) => ({ x: figure("dead", { retries: row }), y: figure("errors", { retries: row }), row, label: String(item.retries[row]),
+        isBest: best !== null && best[0] === row && best[1] === state.timeout, isNow: item.attempts[row] === item.attempts[state.retries] }));
+    },
+    choose: ({ row }) => choose("retries", row),
+    tradeText: () => word("trade.text", { setting: setting() }),
+    dotText: ({ row }) => word("trade.point", { setting: setting(row), dead: time(figure("dead", { retries: row })), errors: rate(figure("errors", { retries: row })) }),
+  });
 
   // ---- the whole page ----
   let pending = 0;
@@ -285,5 +218,5 @@
   enter();
   show();
   cancelAnimationFrame(pending);
-  start({ curve: Curve, trade: TradeOff });
+  start(kinds);
 })();

@@ -13,12 +13,12 @@ import pytest
 
 import bussim
 from bussim.cli import main
-from bussim.commands.size.page import Detail, page_items
 from bussim.commands.size.uniform_link import uniform_link
 from bussim.exact.sizing.assumptions import assumptions
 from bussim.exact.sizing.choice import recommend
 from bussim.exact.sizing.goals import Goals
 from bussim.exact.sizing.noise_levels import with_level
+from bussim.exact.sizing.page.items import Detail, page_items
 from bussim.exact.solve import Solved
 from bussim.exact.text import a_year
 from bussim.plc.profiles import AbsentStation, Attempts

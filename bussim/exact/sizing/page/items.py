@@ -12,7 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from bussim.commands.size.page_figures import (
+from bussim.exact.link import TIMEOUT_UNIT, LinkModel
+from bussim.exact.scan.outages import clean_scan, longest_scan
+from bussim.exact.sizing.choice import Choice, recommend
+from bussim.exact.sizing.evaluation import Checked, evaluate_goals
+from bussim.exact.sizing.grid import evaluate, worst_of
+from bussim.exact.sizing.noise_levels import BAD, LEVELS, scaled_noise, with_level
+from bussim.exact.sizing.page.figures import (
     FACTORS,
     LEAST,
     RATES,
@@ -24,13 +30,7 @@ from bussim.commands.size.page_figures import (
     tenths,
     times,
 )
-from bussim.commands.size.page_ports import port_item
-from bussim.exact.link import TIMEOUT_UNIT, LinkModel
-from bussim.exact.scan.outages import clean_scan, longest_scan
-from bussim.exact.sizing.choice import Choice, recommend
-from bussim.exact.sizing.evaluation import Checked, evaluate_goals
-from bussim.exact.sizing.grid import evaluate, worst_of
-from bussim.exact.sizing.noise_levels import BAD, LEVELS, scaled_noise, with_level
+from bussim.exact.sizing.page.ports import port_item
 from bussim.exact.sizing.size import Sizing
 from bussim.exact.sizing.sized import Sized
 from bussim.exact.solve import Solved

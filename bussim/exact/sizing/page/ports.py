@@ -11,7 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from bussim.commands.size.page_figures import (
+from bussim.exact.polls.failures import failures
+from bussim.exact.polls.metrics import Dead
+from bussim.exact.polls.poll_list import PollModel
+from bussim.exact.sizing.noise_levels import BAD, LEVELS
+from bussim.exact.sizing.page.figures import (
     FACTORS,
     RATES,
     Figures,
@@ -22,10 +26,6 @@ from bussim.commands.size.page_figures import (
     tenths,
     times,
 )
-from bussim.exact.polls.failures import failures
-from bussim.exact.polls.metrics import Dead
-from bussim.exact.polls.poll_list import PollModel
-from bussim.exact.sizing.noise_levels import BAD, LEVELS
 from bussim.exact.sizing.ports.setting import PortSetting, at_level, setting_of
 from bussim.exact.sizing.ports.size import MOST_RETRIES, PortSizing
 from bussim.plc.ports.cpavl import TIMEOUT_UNIT
