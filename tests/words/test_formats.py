@@ -33,14 +33,14 @@ def test_each_text_is_there_in_every_language_with_the_same_values() -> None:
     for key, (english, *others) in entries().items():
         assert others[len(LANGUAGES) - 1 :] in ([], ["fault"]), key
         for text in others[: len(LANGUAGES) - 1]:
-            assert text or not english, key
+            assert text or not english.strip(), key
             assert placeholders(text).keys() == placeholders(english).keys(), key
         assert not WORDS.search(english), key
 
 
 def test_no_chinese_text_is_left_in_english() -> None:
-    for key, (english, chinese, *_) in entries().items():
-        if re.search("[a-z]{3}", re.sub(r"\{.*?\}|[a-z]\w*:|CRC|LRC", "", english)):
+    for key, (_, chinese, *_) in entries().items():
+        if re.search("[a-z]{3}", re.sub(r"\{.*?\}", "", chinese)):
             assert re.search("[\u4e00-\u9fff]", chinese), key
 
 
