@@ -8,8 +8,15 @@ from typing import TYPE_CHECKING
 import click
 
 from bussim.commands.common.output import checked_target, print_json, show_carried, write_text
-from bussim.commands.common.scenario_options import code_option, set_option, unsimulated_option, values_of
+from bussim.commands.common.scenario_options import (
+    code_option,
+    lang_option,
+    set_option,
+    unsimulated_option,
+    values_of,
+)
 from bussim.errors import UsageError
+from bussim.words.language import said_text
 
 if TYPE_CHECKING:
     from bussim.api import Result
@@ -42,6 +49,7 @@ if TYPE_CHECKING:
     help="Give up a run whose folder would become larger.",
 )
 @unsimulated_option
+@lang_option
 @code_option
 def command(
     scenario: str | None,
@@ -104,11 +112,11 @@ def command(
         from bussim.site.writing import readout_data
 
         write_text(paper, dumped(readout_data(loaded, result.totals, as_seen=as_seen)))
-        click.echo(f"readout: {paper}", err=as_json)
+        click.echo(said_text("run_readout", path=paper), err=as_json)
     # Last, as pictures take longer than the numbers.
     for picture in [] if no_plots else result.save_plots():
         if not as_json:
-            click.echo(f"picture: {picture}")
+            click.echo(said_text("run_picture", path=picture))
 
 
 def _show(result: Result) -> None:
@@ -119,4 +127,4 @@ def _show(result: Result) -> None:
     names = {link.bus: link.station_names for link in result.totals.links} if result.totals else {}
     console = Console(highlight=False)
     show_result(console, result.record, names)
-    click.echo(f"\nresults: {result.folder}")
+    click.echo(f"\n{said_text('run_results', folder=result.folder)}")

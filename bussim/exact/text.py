@@ -88,7 +88,7 @@ def scans_over(probability: float, ticks: float) -> str:
 def years_between(per_year: float, *, noisy: bool = True) -> str:
     """How often a false station error begins, at most; ``noisy``: whether there is noise at all."""
     if per_year <= 0:
-        return say("exact_no_error_noise" if noisy else "exact_no_error")
+        return say("exact_no_error_noise" if noisy else "exact_no_error_quiet")
     years = 1 / per_year
     if years > LONGEST_YEARS:
         return say("exact_years_over", years=LONGEST_YEARS)

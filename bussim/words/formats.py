@@ -5,20 +5,22 @@ Beside the formats of Python a text of the tables knows ``n`` (a whole number wi
 :func:`bussim.wording.in_ms`), ``list`` (names, "and" before the last), ``listed``, ``joined`` and ``plus``
 (texts between commas, semicolons or +), ``station`` (a station by number and name), ``counts`` (words with
 how often), ``codes`` and ``exceptions`` (counts by code, with what each means), ``meanings`` (what codes
-mean), ``cause`` (why a link scan was long), ``when`` (how often, for how long, and when longest), ``times``
-(of responses, or nothing), ``part`` (the text of another key), ``devices`` (special devices of the link by
-name) and ``serial`` (a code of D8063).
+mean), ``cause`` and ``brief`` (why a link scan was long), ``reason`` and ``reasons`` (why frames were
+refused, and how often), ``when`` (how often, for how long, and when longest), ``times`` (of responses, or
+nothing), ``part`` (the text of another key), ``devices`` (special devices of the link by name) and
+``serial`` (a code of D8063).
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from functools import cache
 from string import Formatter
 from typing import Any
 
 from bussim.wording import counted, in_ms
-from bussim.words.tables import LANGUAGES, Said, entries, recognised
+from bussim.words.tables import LANGUAGES, Said, entries
 
 #: Error codes are in D8211 to D8218, of an FX1S in D211 to D218; counts lie below.
 _FIRST_CODE = 11
@@ -30,6 +32,7 @@ _STATION = re.compile(r"station (\d+)(?: \((.*)\))?", re.DOTALL)
 _GIVEN_UP = re.compile(
     r"(station \d+(?: \(.*\))?): (\d+) attempts?, (?:all )?([0-9A-F]{2}(?:, [0-9A-F]{2})*)"
 )
+_REPLIED_LATE = re.compile(r"(station \d+(?: \(.*\))?) replied (\S+ \S+) after its poll")
 _REPEATED = re.compile(
     r"(station \d+(?: \(.*\))?): (\d+) failed attempts? before the (?:answer|reply), "
     r"(?:all )?([0-9A-F]{2}(?:, [0-9A-F]{2})*)"
@@ -68,7 +71,16 @@ def _reason(reason: str, lang: str) -> str:
     if found := _REPEATED.fullmatch(reason):
         station, number, codes = found.groups()
         return render("long_repeated", {"station": station, "number": int(number) + 1, "codes": codes}, lang)
+    if found := _REPLIED_LATE.fullmatch(reason):
+        station, time = found.groups()
+        return render("long_late", {"station": station, "time": time}, lang)
     return render("long_parameters", lang=lang) if reason == "parameter frame" else reason
+
+
+@cache
+def _reasons() -> Mapping[str, str]:
+    """The key of each reason by its English text."""
+    return {texts[0]: key for key, texts in entries().items() if key.startswith(("reason_", "port_error_"))}
 
 
 class TextFormatter(Formatter):
@@ -109,21 +121,30 @@ class TextFormatter(Formatter):
                 return self._listed(self._device(name, number) for name, number in value.items())
             case "serial":
                 port, error = divmod(value % 1000, 100)
-                what = f" (COM{port}: {meaning(f'{error:02}', self._lang, kind='port_error')})"
-                return f"{value}{what if value // 1000 == _PW10 else ''}"
+                if value // 1000 != _PW10:
+                    return str(value)
+                what = meaning_of(f"{error:02}", kind="port_error")
+                return render("serial_code", {"code": value, "port": port, "meaning": what}, self._lang)
             case "counts":
                 return self._listed(f"{self._shown(what)} {number:,}×" for what, number in value.items())
             case "codes" | "exceptions":
                 kind = "code" if format_spec == "codes" else "exception"
-                return self._listed(
-                    f"{code} {number:,}× ({meaning(code, self._lang, kind=kind)})"
+                found = (
+                    {"code": code, "number": number, "meaning": meaning_of(code, kind=kind)}
                     for code, number in value.items()
                 )
+                return self._listed(render("code_times", each, self._lang) for each in found)
             case "meanings":
                 words = dict.fromkeys(meaning(code, self._lang) for code in value.split(", "))
                 return self._part("then").join(words)
             case "cause":
                 return cause_in_words(value, self._lang)
+            case "brief":
+                return str(value) if self._lang == "en" else cause_in_words(value, self._lang)
+            case "reason":
+                return self._reason(value)
+            case "reasons":
+                return self._listed(f"{self._reason(what)} {number:,}×" for what, number in value.items())
             case _ if format_spec.startswith("counted "):
                 return value if isinstance(value, str) else counted(value, format_spec.partition(" ")[2])
             case _ if isinstance(value, str) and format_spec:
@@ -138,15 +159,22 @@ class TextFormatter(Formatter):
         return self._part("comma").join(texts)
 
     def _shown(self, text: str) -> str:
-        """A part of a text; a station's name, and what a file kept in English, in the other language, too."""
+        """A part of a text; what a station is called by its number is so in the other language, too."""
         if self._lang == "en":
             return text
         if found := _STATION.fullmatch(text):
             number, plc = found.groups()
             key = "station" if plc else "station_number"
             return render(key, {"number": number, "plc": plc}, self._lang)
-        said = recognised(text)
-        return render(said.key, said.values, self._lang) if isinstance(said, Said) else text
+        if isinstance(text, Said) or text == render("program"):
+            key, values = (text.key, text.values) if isinstance(text, Said) else ("program", {})
+            return render(key, values, self._lang)
+        return text
+
+    def _reason(self, text: str) -> str:
+        """Why a frame was refused, which a summary has in English."""
+        key = _reasons().get(text)
+        return text if key is None or self._lang == "en" else self._part(key)
 
     def _device(self, name: str, number: int) -> str:
         """A special device and what it holds; an error code in hexadecimal digits, with its meaning."""
@@ -155,4 +183,5 @@ class TextFormatter(Formatter):
         if int(name[-2:]) < _FIRST_CODE:
             return f"{name} = {number:,}"
         code = f"{number:02X}"
-        return f"{name} = {code}H ({meaning(code, self._lang)})"
+        values = {"name": name, "code": code, "meaning": meaning_of(code)}
+        return render("device_code", values, self._lang)

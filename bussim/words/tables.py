@@ -13,7 +13,7 @@ from typing import Any
 LANGUAGES = ("en", "zh")
 #: The tables, and those of pages, whose keys begin with the table's name: their scripts have them without it.
 TABLES, PAGES = ("verdict", "solver", "run", "pictures"), ("sizing", "report")
-#: A text of fewer letters than this besides its values may be that of something else.
+#: A text of fewer letters than this besides its values, or of one word, may be that of something else.
 _LEAST_LETTERS = 8
 
 
@@ -80,7 +80,8 @@ def _patterns() -> list[tuple[str, list[str], re.Pattern[str]]]:
     found = []
     for key, (english, *_) in entries().items():
         parts = [(literal, name) for literal, name, _, _ in Formatter().parse(english)]
-        own = sum(map(str.isalpha, "".join(literal for literal, _ in parts)))
+        letters = "".join(literal for literal, _ in parts).strip()
+        own = sum(map(str.isalpha, letters)) if " " in letters else 0
         names = [name for _, name in parts if name]
         if own >= _LEAST_LETTERS and len(set(names)) == len(names):
             pattern = "".join(re.escape(literal) + ("(.+?)" if name else "") for literal, name in parts)

@@ -31,6 +31,23 @@ unsimulated_option = click.option(
 )
 
 
+def _use_language(ctx: click.Context, _: click.Parameter, lang: str | None) -> None:
+    """Use the language meanwhile: that of the system where none is given."""
+    from bussim.words.language import system_language, use_language
+
+    ctx.with_resource(use_language(lang or system_language()))
+
+
+#: The language of what a command shows; the command itself need not know it.
+lang_option = click.option(
+    "--lang",
+    type=click.Choice(["en", "zh"]),
+    help="Language, English or Chinese. [default: that of the system]",
+    callback=_use_language,
+    expose_value=False,
+)
+
+
 def values_of(
     sets: Sequence[str], *, allow_unsimulated: bool = False, **short: str | None
 ) -> list[str | Override]:

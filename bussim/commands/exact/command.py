@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import click
 
 from bussim.commands.common.output import check_pictures, print_json, show_carried
-from bussim.commands.common.scenario_options import code_option, set_option, time_of
+from bussim.commands.common.scenario_options import code_option, lang_option, set_option, time_of
 from bussim.errors import UsageError
-from bussim.exact.text import ALMOST_CERTAIN, ms, ms_cell, one_in
+from bussim.exact.text import ALMOST_CERTAIN, ms_cell, one_in
 from bussim.files import made_folder
-from bussim.words.language import say
+from bussim.units import milliseconds
+from bussim.words.language import said_text, say
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -47,6 +48,7 @@ _POINTS = 1200
 )
 @click.option("--ignore-faults", is_flag=True, help="Leave out what acts only for a part of the run.")
 @set_option
+@lang_option
 @click.option("--plot", is_flag=True, help="Draw law and simulated histogram, as PNG and SVG.")
 @click.option("-o", "--out", metavar="DIR", help="Folder for the pictures (default: this one).")
 @click.option("--force", is_flag=True, help="Replace pictures that exist.")
@@ -113,18 +115,17 @@ def command(
     if as_json:
         print_json(solved.to_dict())
     else:
-        from bussim.commands.common.console import wide_console
+        from bussim.commands.common.console import print_line, wide_console
 
         console = wide_console()
         for bus, figures in found.items():
             if bus not in changing:
                 _show(console, bus, figures, request)
             for period, of_period in changing.get(bus, ()):
-                _show(console, f"{bus}, {period.in_words()}", of_period, request)
+                name = say("exact_link_period", bus=bus, period=period.in_words())
+                _show(console, name, of_period, request)
         if changing:
-            console.print(
-                "--ignore-faults: one law for the whole run, without what acts only for a part of it"
-            )
+            print_line(console, say("exact_ignore"), 0)
         if polls:
             from bussim.commands.exact.polls import show
 
@@ -153,63 +154,55 @@ def _levels(text: str) -> dict[str, float]:
 
 
 def _show(console: Console, bus: str, figures: Figures, request: RequestType) -> None:
-    from rich.text import Text
-
-    from bussim.commands.common.console import named_values
+    from bussim.commands.common.console import named_values, print_line
     from bussim.exact.sizing.assumptions import rests_on
-    from bussim.wording import about, counted
+    from bussim.wording import about
 
     model = figures.model
-    slaves = len(model.stations)
-    console.print(
-        Text(
-            f"{bus}: {counted(slaves + 1, 'station')}, mode {model.mode}, "
-            f"{counted(model.retries, 'retry')} = {counted(model.attempts, 'attempt')} a poll, "
-            f"timeout {ms(model.timeout)} ms",
-            style="bold",
-        )
-    )
+    settings = {"mode": model.mode, "retries": model.retries, "attempts": model.attempts}
+    times = {"timeout": milliseconds(model.timeout), "stations": len(model.stations) + 1}
+    print_line(console, say("run_link", bus=bus, **settings, **times), 0, "bold")
     for sentence in (*model.not_replying, *figures.in_words(), *model.notes):
-        console.print(Text(f"  {sentence}"))
+        print_line(console, sentence)
     if not figures.valid:
         return
     rows: list[tuple[str, str]] = [
-        ("link scan time", f"mean {ms_cell(figures.mean)}, sd {ms_cell(figures.sd)} ms"),
-        ("  without errors", f"{ms_cell(figures.shortest)} to {ms_cell(figures.longest_clean)} ms"),
-        ("  at worst", f"{ms_cell(figures.worst_case)} ms (every attempt of every station spent)"),
+        (say("run_scan_time"), say("exact_mean", mean=ms_cell(figures.mean), sd=ms_cell(figures.sd))),
+        (
+            say("exact_without_errors"),
+            say("exact_range", least=ms_cell(figures.shortest), most=ms_cell(figures.longest_clean)),
+        ),
+        (say("exact_at_worst"), say("exact_every_attempt", time=ms_cell(figures.worst_case))),
     ]
     rows += [
-        (f"  exceeded by 1 scan in {one_in(request.levels[key])}", f"{ms_cell(x)} ms")
+        (say("exact_exceeded", number=one_in(request.levels[key])), f"{ms_cell(x)} ms")
         for key, x in figures.quantiles.items()
     ]
-    middle, high = figures.maximum.values()
-    longest = f"median {ms_cell(middle)}, with a chance of 1 % above {ms_cell(high)} ms"
-    rows.append((f"  longest in {_span(request.mission)}", longest))
+    middle, high = map(ms_cell, figures.maximum.values())
+    mission = say("exact_longest_in", time=_span(request.mission))
+    rows.append((mission, say("exact_longest", median=middle, high=high)))
     for station, chance in figures.error_per_scan.items():
-        year = f"{about(figures.error_per_year[station])} at least once a year"
+        year = say("exact_once_a_year", chance=about(figures.error_per_year[station]))
         if figures.error_per_year[station] > ALMOST_CERTAIN:
-            year = "almost certain at least once a year"
-        text = f"probability {about(chance)} a scan, {year}"
-        rows.append((f"error flag of {model.name(station)}", text))
+            year = say("exact_certain")
+        text = say("exact_probability", chance=about(chance), year=year)
+        rows.append((say("exact_flag_of", station=model.name(station)), text))
     if figures.silence is not None and figures.corruption is not None:
-        text = (
-            f"interruption of {ms_cell(figures.silence)} ms, corruption of {ms_cell(figures.corruption)} ms"
-        )
-        rows.append(("ride-through of the line", text))
+        passed = {"silence": ms_cell(figures.silence), "corruption": ms_cell(figures.corruption)}
+        rows.append((say("exact_ride"), say("exact_ride_times", **passed)))
         rows.append(("", say("exact_not_covered")))
-    more = " more" if model.dead else ""
-    if figures.one_dead is not None:
-        rows.append((f"one{more} station dead", f"link scan {ms_cell(figures.one_dead)} ms"))
-    if figures.two_dead is not None:
-        rows.append((f"two{more} stations dead", f"link scan {ms_cell(figures.two_dead)} ms"))
+    more = "_more" if model.dead else ""
+    for number, mean in (("one", figures.one_dead), ("two", figures.two_dead)):
+        if mean is not None:
+            rows.append((say(f"exact_{number}_dead{more}"), say("exact_scan", time=ms_cell(mean))))
     if figures.detect_mean is not None:
-        longest = f"{ms_cell(figures.detect_longest)} ms at worst while no other reply is lost"
-        text = f"mean {ms_cell(figures.detect_mean)}, {longest}, else {ms_cell(figures.worst_case)} ms"
-        rows.append(("dead station noticed", text))
+        noticed = (figures.detect_mean, figures.detect_longest, figures.worst_case)
+        found = dict(zip(("mean", "longest", "bound"), map(ms_cell, noticed), strict=True))
+        rows.append((say("exact_noticed"), say("exact_noticed_after", **found)))
     console.print(named_values(rows))
     _show_refresh(console, figures)
-    for line in ("what the figures rest on", *rests_on(model, figures.to_json())["text"]):
-        console.print(Text(f"  {line}"))
+    for line in (say("exact_rests"), *rests_on(model, figures.to_json())["text"]):
+        print_line(console, line)
 
 
 def _show_refresh(console: Console, figures: Figures) -> None:
@@ -221,9 +214,9 @@ def _show_refresh(console: Console, figures: Figures) -> None:
     if not figures.refresh:
         return
     table = plain_table(
-        ["pair"],
-        ["mean", *keys, "heartbeat"],
-        title="refresh gap (ms) by the probability of exceeding it, and a heartbeat preset from it",
+        [say("exact_pair")],
+        [say("time_mean"), *keys, say("exact_heartbeat")],
+        title=say("exact_refresh"),
     )
     for pair, refresh in figures.refresh.items():
         times = [refresh.mean, *(refresh.quantiles.get(key) for key in keys), refresh.heartbeat]
@@ -256,11 +249,12 @@ def _draw(
     for bus, figures in found.items():
         distribution = figures.distribution
         if distribution is None:
-            click.echo(f"{bus}: no picture, since there is no exact law", err=True)
+            click.echo(said_text("exact_no_picture", bus=bus), err=True)
             continue
         least, _ = distribution.support
         x = np.linspace(least, distribution.quantile(lowest), _POINTS)
-        about = f"{scenario.name}, seed {scenario.seed}, bussim {__version__}"
+        what = {"scenario": scenario.name, "seed": scenario.seed, "version": __version__}
+        about = say("picture_exact_about", **what)
         simulated = result.record.links[bus].scan_times.histogram
         picture = distribution_and_histogram(bus, x, distribution.tail(x), simulated, about, lowest)
         paths += picture.save_both(stems[bus])

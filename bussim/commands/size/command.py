@@ -17,10 +17,11 @@ from bussim.commands.common.output import (
     to_json,
     write_text,
 )
-from bussim.commands.common.scenario_options import code_option, set_option
+from bussim.commands.common.scenario_options import code_option, lang_option, set_option
 from bussim.commands.size.uniform_link import DEFAULT_PROFILE, DEFAULT_SCAN, uniform_link
 from bussim.errors import RunError, UsageError
 from bussim.files import made_folder
+from bussim.words.language import current_language
 
 if TYPE_CHECKING:
     from bussim.commands.size.verify import Verification
@@ -28,8 +29,8 @@ if TYPE_CHECKING:
     from bussim.exact.sizing.size import Sizing
     from bussim.scenario.model import Scenario
 
-#: What a page's name may end in, and the languages that it is in.
-PAGES, LANGUAGES = (".html", ".htm"), ("en", "zh")
+#: What a page's name may end in.
+PAGES = (".html", ".htm")
 _FORMS = (
     "errors<=1/y, onsets<=1/y, scan<=200ms@1e-6, dead<=400ms, ride>=100ms, heartbeat=500ms@0.1/y; "
     "of poll lists errors, dead, cycle<=500ms, age<=1s"
@@ -59,7 +60,7 @@ _FORMS = (
     help="Folder for size.json and the picture of the trade-off; or a file .html: a page with sliders.",
 )
 @click.option("--force", is_flag=True, help="Replace the files of --out.")
-@click.option("--lang", type=click.Choice(LANGUAGES), help="Language in which the page opens. [default: en]")
+@lang_option
 @click.option(
     "--standard-lines",
     "standard",
@@ -82,7 +83,6 @@ def command(
     overrides: tuple[str, ...],
     out: str | None,
     force: bool,
-    lang: str | None,
     standard: bool,
     allow_code: bool,
 ) -> None:
@@ -102,9 +102,10 @@ def command(
     if force and out is None:
         raise UsageError("--force goes with --out")
     page = out is not None and Path(out).suffix.lower() in PAGES and not Path(out).is_dir()
-    if not page and (lang is not None or standard):
-        name = "--standard-lines" if standard else "--lang"
-        raise UsageError(f"{name} is of the page with sliders: name it with --out, such as -o sizing.html")
+    if standard and not page:
+        raise UsageError(
+            "--standard-lines is of the page with sliders: name it with --out, such as -o sizing.html"
+        )
     target = checked_target(Path(out), PAGES, force=force) if page and out is not None else None
     _check_goals(goals)
     described = {"--stations": stations, "--mode": mode, "--scan": scan, "--ber": ber, "--profile": profile}
@@ -125,7 +126,7 @@ def command(
 
         with busy("sizing the usual lines"):
             text = standard_page(
-                goals, lang or "en", profile=profile, scan=scan, ber=ber, overrides=overrides
+                goals, current_language(), profile=profile, scan=scan, ber=ber, overrides=overrides
             )
         write_text(target, text)
         print_files([target], as_json=False)
@@ -193,7 +194,9 @@ def command(
         from bussim.report.sizing import sizing_page
 
         with busy("working out the page"):
-            write_text(target, sizing_page(loaded.name if scenario else "", page_items(sized), lang or "en"))
+            write_text(
+                target, sizing_page(loaded.name if scenario else "", page_items(sized), current_language())
+            )
         paths = [target]
     elif folder is not None:
         paths = _write(loaded, found, text, folder, stems)

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
-from bussim.wording import counted
-from bussim.words.formats import meaning
+from bussim.results.text.lines import labelled, times_in_words
+from bussim.words.formats import meaning_of
+from bussim.words.language import say, shown
 
-#: What statistics of times are called.
-SHOWN = {"min": "min", "p50": "median", "mean": "mean", "p99": "p99", "max": "max"}
 #: Most polls of a master that have a line.
 _MOST_POLLS = 12
 
 
 def port_lines(summary: Mapping[str, Any]) -> Iterator[str]:
-    """Lines for a terminal; an empty one before each block, none at all in a plain N:N run."""
+    """Lines in the language that is used; an empty one before each block, none at all in a plain N:N run."""
     if summary["buses"]:
         yield ""
         for name, bus in summary["buses"].items():
-            yield _bus(name, bus)
+            yield shown(_bus(name, bus))
     for name, port in summary["ports"].items():
         yield ""
         yield from _port(name, port)
@@ -29,150 +28,137 @@ def port_lines(summary: Mapping[str, Any]) -> Iterator[str]:
 
 
 def alone_lines(summary: Mapping[str, Any]) -> Iterator[str]:
-    """Lines about the PLCs of a run without any bus; none in another run."""
+    """Lines about the PLCs of a run without any bus, in the language that is used; none in another run."""
     if summary["links"] or summary["buses"] or not summary["plcs"]:
         return
     yield ""
-    yield "no bus: every PLC runs by itself"
+    yield shown(say("run_no_bus"))
     for name, plc in summary["plcs"].items():
         scan = plc["scan_ms"]
-        if scan["mean"] is None:
-            yield f"{name}: no scan was finished"
-        else:
-            yield f"{name}: PLC scan mean {scan['mean']:.3f}, max {scan['max']:.3f} ms"
+        key = "run_no_plc_scan" if scan["mean"] is None else "run_plc_scan"
+        yield shown(say(key, name=name, **({} if scan["mean"] is None else scan)))
 
 
 def _bus(name: str, bus: Mapping[str, Any]) -> str:
-    words = [
-        f"{bus['baud']} {bus['format']}",
-        f"bus load {bus['bus_load']:.1%}",
-        counted(bus["frames"], "frame"),
-        *rare(bus),
-    ]
-    return f"{name}: {', '.join(words)}"
+    load, frames = say("bus_load", load=bus["bus_load"]), say("bus_frames", number=bus["frames"])
+    return say("bus_line", name=name, parts=[f"{bus['baud']} {bus['format']}", load, frames, *rare(bus)])
 
 
 def rare(bus: Mapping[str, Any]) -> list[str]:
     """Collisions and undetected damaged frames of a bus or link; those that there were."""
-    words = {"collisions": "collision", "undetected_frames": "undetected damaged frame"}
-    return [counted(bus[key], word) for key, word in words.items() if bus[key]]
+    return [say(f"bus_{key}", number=bus[key]) for key in ("collisions", "undetected_frames") if bus[key]]
 
 
 def _port(name: str, port: Mapping[str, Any]) -> Iterator[str]:
-    what = port["protocol"] or ("Modbus master" if "transactions" in port else "no protocol")
-    station = port.get("station")
-    if station is not None:
-        what += f", station {station}"
-    yield f"{name}: {what} on {port['bus']}{_timeout(port)}"
+    what = say("port_protocol", name=port["protocol"]) if port["protocol"] else None
+    what = what or say("port_modbus_master" if "transactions" in port else "port_no_protocol")
+    yield _heading(name, port, what, port.get("station"))
     yield from _counts(port)
     if port["errors"]:
-        errors = ", ".join(
-            f"{yy} {number:,}× ({meaning(yy, kind='port_error')})" for yy, number in port["errors"].items()
-        )
-        yield f"  port errors      yy of D8063 = 7xyy: {errors}"
+        errors = [
+            say("code_times", code=yy, number=number, meaning=meaning_of(yy, kind="port_error"))
+            for yy, number in port["errors"].items()
+        ]
+        yield labelled(say("port_errors"), say("port_error_list", errors=errors))
 
 
 def _device(name: str, device: Mapping[str, Any]) -> Iterator[str]:
-    station = "" if device["station"] is None else f", station {device['station']}"
-    yield f"{name}: {device['model']}{station} on {device['bus']}{_timeout(device)}"
+    yield _heading(name, device, say("port_protocol", name=device["model"]), device["station"])
     yield from _counts(device)
     if device["state"]:
-        yield f"  at the end       {', '.join(f'{key} {value}' for key, value in device['state'].items())}"
+        state = [f"{key} {value}" for key, value in device["state"].items()]
+        yield labelled(say("port_at_end"), ", ".join(state))
+
+
+def _heading(name: str, node: Mapping[str, Any], what: str, station: int | None) -> str:
+    if station is not None:
+        what = say("port_station", what=what, station=station)
+    line = say("port_line", name=name, what=what, bus=node["bus"])
+    timeout = node.get("timeout_ms")
+    return shown(line if timeout is None else say("port_line_timeout", line=line, timeout=timeout))
 
 
 def _counts(node: Mapping[str, Any]) -> Iterator[str]:
     if "transactions" in node:
         yield from _master(node)
     if "sent" in node:
-        yield f"  messages         {_free(node)}"
+        yield labelled(say("port_messages"), _free(node))
     # A device of the free protocol or an HMI has no requests, and no line of them.
     if node.get("requests") or (node.get("station") is not None and "requests" in node):
-        yield f"  requests         {_slave(node)}"
+        yield labelled(say("port_requests"), _slave(node))
+
+
+def _exceptions(node: Mapping[str, Any]) -> list[str]:
+    return [
+        say("port_exception", number=number, code=code, meaning=meaning_of(code, kind="exception"))
+        for code, number in node["exceptions"].items()
+    ]
 
 
 def _master(port: Mapping[str, Any]) -> Iterator[str]:
-    failures = [
-        *(
-            f"{number:,} exception {code} ({meaning(code, kind='exception')})"
-            for code, number in port["exceptions"].items()
-        ),
-        *_unless_none(port["timeouts"], "no response in time"),
-        *_unless_none(port["crc_errors"], "CRC or LRC"),
-        *(f"{number:,} {words}" for words, number in port["other_errors"].items()),
-    ]
     own = port.get("answered_with_own_data")  # a folder of an earlier version does not have it
-    accepted = [f"{port['ok']:,} ok"]
-    if own not in (None, port["ok"]):
-        accepted.append(f"{own:,} with own data")
-    counts = [f"{port['transactions']:,}: {', '.join(accepted)}", *failures]
-    mismatched = port["mismatched_responses"]
-    wrong = (
-        f"; {counted(mismatched, 'response')} taken that belonged to another request" if mismatched else ""
-    )
-    yield f"  transactions     {', '.join(counts)}{wrong}"
+    counts = [
+        say("port_ok", number=port["ok"]),
+        *([] if own in (None, port["ok"]) else [say("port_own_data", number=own)]),
+        *_exceptions(port),
+        *_unless_none("port_timeouts", port["timeouts"]),
+        *_unless_none("port_crc_errors", port["crc_errors"]),
+        *(say("port_other", number=number, what=what) for what, number in port["other_errors"].items()),
+    ]
+    said = say("port_counts", number=port["transactions"], counts=counts)
+    if mismatched := port["mismatched_responses"]:
+        said = say("port_mismatched", said=said, number=mismatched)
+    yield labelled(say("port_transactions"), said)
     if port["response_ms"]["max"] is not None:
-        yield f"  response         {times_in_words(port['response_ms'])}"
+        yield labelled(say("port_response"), times_in_words(port["response_ms"]))
     cycles = port["cycle_ms"]
     if cycles["count"]:
-        yield f"  poll cycle       {times_in_words(cycles)}, {counted(cycles['count'], 'cycle')}"
+        text = say("port_cycles", times=times_in_words(cycles), number=cycles["count"])
+        yield labelled(say("port_cycle"), text)
     polls = {name: poll for name, poll in port["polls"].items() if name}
     for name in list(polls)[:_MOST_POLLS]:
-        yield f"  {f'poll {name}':<16} {_poll(polls[name])}"
+        yield labelled(say("port_poll", name=name), _poll(polls[name]))
     if len(polls) > _MOST_POLLS:
-        yield f"  and {counted(len(polls) - _MOST_POLLS, 'more poll')}, in summary.json"
+        yield f"  {shown(say('port_more_polls', number=len(polls) - _MOST_POLLS))}"
 
 
 def _poll(poll: Mapping[str, Any]) -> str:
-    words = f"{counted(poll['turns'], 'turn')}, {poll['failed_turns']:,} failed"
+    said = say("port_turns", turns=poll["turns"], failed=poll["failed_turns"])
     if poll["response_ms"]["max"] is not None:
-        words += f"; response {times_in_words(poll['response_ms'])}"
+        said = say("port_turns_response", said=said, times=times_in_words(poll["response_ms"]))
     age = poll["age_ms"]
     if age is not None:
         # A folder of an earlier version does not have it.
         oldest = age.get("oldest", max(age["open"], age["before_refresh"]["max"] or 0))
-        still = ", still so at the end" if oldest == age["open"] else ""
-        words += f"; data up to {oldest:.3f} ms old{still}"
-    return words
+        still = oldest == age["open"]
+        said = say("port_turns_age_end" if still else "port_turns_age", said=said, oldest=oldest)
+    return said
 
 
 def _slave(node: Mapping[str, Any]) -> str:
-    words = [f"{node['requests']:,}", f"{node['answered']:,} answered"]
-    words += _unless_none(node.get("broadcasts", 0), "broadcasts")
+    counts = [say("port_received", number=node["requests"]), say("port_answered", number=node["answered"])]
+    counts += _unless_none("port_broadcasts", node.get("broadcasts", 0))
     if "transactions" not in node:  # else the exceptions stand among the master's
-        words += [
-            f"{number:,} exception {code} ({meaning(code, kind='exception')})"
-            for code, number in node["exceptions"].items()
-        ]
+        counts += _exceptions(node)
     if node["rejected"]:
-        reasons = ", ".join(f"{reason} {number:,}×" for reason, number in node["rejected"].items())
-        words.append(f"ignored: {reasons}")
-    return ", ".join(words)
+        counts.append(say("port_ignored", reasons=node["rejected"]))
+    return say("comma_list", texts=counts)
 
 
 def _free(node: Mapping[str, Any]) -> str:
     data = node["bytes"]
-    words = [
-        f"{node['sent']:,} sent ({counted(data['sent'], 'byte')})",
-        f"{node['received']:,} received ({counted(data['received'], 'byte')})",
-        *_unless_none(node["timeouts"], "ended by timeout"),
-        *_unless_none(node["damaged"], "damaged characters"),
+    counts = [
+        say("port_sent", number=node["sent"], bytes=data["sent"]),
+        say("port_got", number=node["received"], bytes=data["received"]),
+        *_unless_none("port_ended", node["timeouts"]),
+        *_unless_none("port_damaged", node["damaged"]),
     ]
     others = node.get("messages", {})  # a folder of an earlier version does not have it
     if others.get("sent"):
-        became = (f"{number:,} {word.replace('_', ' ')}" for word, number in others.items() if number)
-        words.append(f"of others {', '.join(became)}")
-    return ", ".join(words)
+        became = [say(f"port_others_{word}", number=number) for word, number in others.items() if number]
+        counts.append(say("port_of_others", counts=became))
+    return say("comma_list", texts=counts)
 
 
-def times_in_words(times: Mapping[str, float | None], keys: Sequence[str] = ("p50", "p99", "max")) -> str:
-    """Statistics of times in ms, ``median 50.406, p99 50.414, max 51.103 ms``; unknown ones left out."""
-    return ", ".join(f"{SHOWN[key]} {times[key]:.3f}" for key in keys if times[key] is not None) + " ms"
-
-
-def _timeout(node: Mapping[str, Any]) -> str:
-    timeout = node.get("timeout_ms")
-    return "" if timeout is None else f", timeout {timeout:g} ms"
-
-
-def _unless_none(number: int, what: str) -> list[str]:
-    return [f"{number:,} {what}"] if number else []
+def _unless_none(key: str, number: int) -> list[str]:
+    return [say(key, number=number)] if number else []

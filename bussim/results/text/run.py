@@ -8,17 +8,18 @@ from typing import TYPE_CHECKING, Any
 from bussim.results.registers import own_name
 from bussim.results.run_record import RunRecord
 from bussim.results.text.latency import latency_lines
-from bussim.results.text.ports import SHOWN, alone_lines, port_lines, rare, times_in_words
+from bussim.results.text.lines import labelled, number_named, times_in_words
+from bussim.results.text.ports import alone_lines, port_lines, rare
+from bussim.results.verdict.catalogue import sentence
 from bussim.results.verdict.link import has_external_master
-from bussim.wording import counted
-from bussim.words.formats import meaning
+from bussim.words.formats import meaning_of
+from bussim.words.language import said_text, say, shown
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
 
-_ON_OFF = {0: "off", 1: "ON"}
 #: Sentences of a verdict whose figures stand above it on a console.
 _SHOWN_AS_FIGURES = frozenset(
     {"median", "median_p99", "mean", "longest", "longest_because", "messages", "no_bus"}
@@ -28,7 +29,8 @@ _SHOWN_AS_FIGURES = frozenset(
 def show_result(console: Console, record: RunRecord, station_names: Mapping[str, Mapping[int, str]]) -> None:
     """Print the figures of a run that matter most. ``station_names`` are by bus and station number."""
     summary = record.summary
-    _print(console, f"{summary['scenario']}: {summary['duration_s']:g} s simulated, seed {summary['seed']}")
+    what = {"scenario": summary["scenario"], "duration": summary["duration_s"], "seed": summary["seed"]}
+    _print(console, say("run_simulated", **what))
     for bus, link in summary["links"].items():
         console.print()
         _show_link(console, record, bus, link, station_names.get(bus, {}))
@@ -37,17 +39,17 @@ def show_result(console: Console, record: RunRecord, station_names: Mapping[str,
     said = [item for item in summary["verdict"] if item["key"] not in _SHOWN_AS_FIGURES]
     if said:
         console.print()
-        _print(console, "verdict")
+        _print(console, say("run_verdict"))
         for item in said:
-            _print(console, f"  {item['text']}")
+            _print(console, f"  {shown(sentence(item))}")
     for bus, found in summary.get("rests_on", {}).get("links", {}).items():
         console.print()
-        for line in (f"what the figures of {bus} rest on", *found["text"]):
+        for line in (say("run_rests", bus=bus), *found["text"]):
             _print(console, line)
     if summary["warnings"]:
         console.print()
         for warning in summary["warnings"]:
-            _print(console, f"warning: {warning}")
+            _print(console, say("run_warning", text=warning))
 
 
 def _show_link(
@@ -55,57 +57,57 @@ def _show_link(
 ) -> None:
     if link["attempts"] is None:
         outside = has_external_master(link)
-        found = "no working master: no link scans"
-        if outside:
-            found = "the master is outside, and alone measures link scans"
-        _print(console, f"{bus}: {counted(link['stations'], 'station')}, {found}")
+        key = "run_link_outside" if outside else "run_link_no_master"
+        _print(console, say(key, bus=bus, stations=link["stations"]))
         if outside:
             _show_refresh(console, link["refresh_gap_ms"])
         return
-    _print(
-        console,
-        f"{bus}: {counted(link['stations'], 'station')}, mode {link['mode']}, "
-        f"{counted(link['retries'], 'retry')} = {counted(link['attempts'], 'attempt')} a poll, "
-        f"timeout {link['timeout_ms']:g} ms",
-    )
+    settings = {key: link[key] for key in ("stations", "mode", "retries", "attempts")}
+    _print(console, say("run_link", bus=bus, **settings, timeout=link["timeout_ms"]))
     _show_times(console, link)
     if link["station_errors"]:
         console.print(_stations(record, link, names))
         codes = sorted({code for by_code in link["failed_attempts"].values() for code in by_code})
         if codes:
-            _print(console, f"  codes            {'; '.join(f'{code}: {meaning(code)}' for code in codes)}")
+            texts = [say("run_code", code=code, meaning=meaning_of(code)) for code in codes]
+            _print(console, labelled(say("run_codes"), say("semicolon_list", texts=texts)))
     _show_registers(console, record, bus)
     _show_refresh(console, link["refresh_gap_ms"])
     if "stale_ms" in link:
         pair, old = max(link["stale_ms"].items(), key=lambda item: float(item[1]["total"]))
-        single = old["longest"] in (None, old["total"])
-        times = "" if single else f" in all, {old['longest']:.3f} ms at the longest"
-        text = f"{old['total']:.3f} ms{times} ({pair}): from before one of the two was away"
-        _print(console, f"  on old data      {text}")
+        text = say("run_old", total=old["total"], pair=pair)
+        if old["longest"] not in (None, old["total"]):
+            text = say("run_old_several", total=old["total"], longest=old["longest"], pair=pair)
+        _print(console, labelled(say("run_on_old_data"), text))
 
 
 def _show_times(console: Console, link: dict[str, Any]) -> None:
     times, later = link["scan_time_ms"], link["scan_time_ms"]["after_startup"]
     if not link["scans"]:
-        _print(console, "  no complete link scan")
+        _print(console, f"  {shown(say('run_no_scan'))}")
         return
-    missing = [SHOWN[key] for key in ("p50", "p99") if times[key] is None]
-    few = f" (too few scans for {' and '.join(missing)})" if missing else ""
-    _print(console, f"  link scan time   {times_in_words(times, ('p50', 'mean', 'p99', 'max'))}{few}")
-    _print(console, f"  longest          {_when_and_why(times)}")
+    missing = [number_named(key) for key in ("p50", "p99") if times[key] is None]
+    said = times_in_words(times, ("p50", "mean", "p99", "max"))
+    said = say("run_few", times=said, missing=missing) if missing else said
+    _print(console, labelled(say("run_scan_time"), said))
+    _print(console, labelled(say("run_longest"), _when_and_why(times)))
     if later["max"] is not None and later["max_at_s"] != times["max_at_s"]:
-        _print(console, f"  after start-up   {later['max']:.3f} ms {_when_and_why(later)}")
+        text = say("run_longest_after", max=later["max"], when=_when_and_why(later))
+        _print(console, labelled(say("run_after_startup"), text))
     healthy = link["healthy_at_s"]
-    health = "never all stations healthy" if healthy is None else f"all stations healthy at {healthy:.3f} s"
-    _print(console, f"  link scans       {link['scans']:,}, bus load {link['bus_load']:.1%}, {health}")
+    health = say("run_never_healthy") if healthy is None else say("run_healthy", at=healthy)
+    text = say("run_counts", scans=link["scans"], load=link["bus_load"], health=health)
+    _print(console, labelled(say("run_link_scans"), text))
     if also := rare(link):
-        assumed = " (rests on the assumed frame layout)" if link["undetected_frames"] else ""
-        _print(console, f"  also             {', '.join(also)}{assumed}")
+        text = say("comma_list", texts=also)
+        text = say("run_assumed", said=text) if link["undetected_frames"] else text
+        _print(console, labelled(say("run_also"), text))
 
 
 def _when_and_why(times: dict[str, Any]) -> str:
-    why = f": {times['max_cause']}" if times["max_cause"] else ""
-    return f"at {times['max_at_s']:.3f} s{why}"
+    if times["max_cause"]:
+        return say("run_at_because", at=times["max_at_s"], cause=times["max_cause"])
+    return say("run_at", at=times["max_at_s"])
 
 
 def _stations(record: RunRecord, link: dict[str, Any], names: Mapping[int, str]) -> Table:
@@ -115,17 +117,17 @@ def _stations(record: RunRecord, link: dict[str, Any], names: Mapping[int, str])
     failed = link["failed_attempts"]
     codes = sorted({code for by_code in failed.values() for code in by_code})
     table = Table(box=None, padding=(0, 3, 0, 0), pad_edge=False)
-    table.add_column("  station")
+    table.add_column(f"  {shown(say('run_station'))}")
     for code in codes:
-        table.add_column(f"failed {code}", justify="right", no_wrap=True)
+        table.add_column(said_text("run_failed", code=code), justify="right", no_wrap=True)
     onsets = link.get("station_error_onsets")  # a folder of an earlier version has none
     lost = lost_by_station(link)
-    table.add_column("station errors", justify="right", no_wrap=True)
+    table.add_column(said_text("run_station_errors"), justify="right", no_wrap=True)
     if onsets:
-        table.add_column("onsets", justify="right", no_wrap=True)
+        table.add_column(said_text("run_onsets"), justify="right", no_wrap=True)
     if lost:
-        table.add_column("master lost", justify="right", no_wrap=True)
-    table.add_column("flag", no_wrap=True)
+        table.add_column(said_text("run_master_lost"), justify="right", no_wrap=True)
+    table.add_column(said_text("run_flag"), no_wrap=True)
     flags = _registers(record, names.get(0, ""))
     for station, errors in link["station_errors"].items():
         name = names.get(int(station))
@@ -136,7 +138,8 @@ def _stations(record: RunRecord, link: dict[str, Any], names: Mapping[int, str])
             cells.append(f"{onsets[station]:,}")
         if lost:
             cells.append(f"{lost.get(name or '', 0.0):.3f} s")
-        cells += [_ON_OFF.get(flags.get(f"M{8183 + int(station)}", -1), "–")]
+        flag = flags.get(f"M{8183 + int(station)}")
+        cells += ["–" if flag is None else "ON" if flag else said_text("run_off")]
         table.add_row(*map(Text, cells))
     return table
 
@@ -152,7 +155,7 @@ def lost_by_station(link: Mapping[str, Any]) -> dict[str, float]:
 
 def lost_in_words(stations: Sequence[str]) -> str:
     """Which slaves a time without the master concerns."""
-    return f"master lost by {', '.join(stations)}" if stations else "the master made no link scan"
+    return say("master_lost_by", stations=stations) if stations else say("master_no_scan")
 
 
 def _show_registers(console: Console, record: RunRecord, bus: str) -> None:
@@ -165,7 +168,7 @@ def _show_registers(console: Console, record: RunRecord, bus: str) -> None:
         elif not registers and words:  # a PLC outside, of which nothing is known
             next(iter(words.values())).append(f"{name} –")
     for devices, texts in words.items():
-        _print(console, f"  {devices:16} {', '.join(texts)}")
+        _print(console, labelled(devices, ", ".join(texts)))
 
 
 def _show_refresh(console: Console, gaps: dict[str, dict[str, Any]]) -> None:
@@ -173,19 +176,24 @@ def _show_refresh(console: Console, gaps: dict[str, dict[str, Any]]) -> None:
         return
     pair, worst = max(gaps.items(), key=lambda item: max(item[1]["max"] or 0.0, item[1]["open"]))
     if worst["max"] is None or worst["open"] > worst["max"]:
-        text = f"{worst['open']:.3f} ms, still open at the end"
+        text = say("run_open", ms=worst["open"])
     else:
         text = f"{worst['max']:.3f} ms"
-    median = f", median {worst['p50']:.3f} ms" if worst["p50"] is not None else ""
-    many = f", the longest of {len(gaps)} pairs" if len(gaps) > 1 else ""
-    _print(console, f"  refresh gap      {text} ({pair}{many}{median})")
+    if len(gaps) > 1:
+        pair = say("run_pair_of", pair=pair, number=len(gaps))
+    if worst["p50"] is not None:
+        pair = say("run_pair_median", pair=pair, median=worst["p50"])
+    _print(console, labelled(say("run_refresh"), say("run_pair", text=text, pair=pair)))
 
 
 def caption_of(summary: Mapping[str, Any]) -> str:
     """What a picture or a table is of: scenario, seed, duration, version."""
-    return (
-        f"{summary['scenario']}, seed {summary['seed']}, {summary['duration_s']:g} s, "
-        f"bussim {summary['bussim']}"
+    return say(
+        "run_caption",
+        scenario=summary["scenario"],
+        seed=summary["seed"],
+        duration=summary["duration_s"],
+        version=summary["bussim"],
     )
 
 
@@ -195,4 +203,4 @@ def _registers(record: RunRecord, plc: str) -> dict[str, int]:
 
 
 def _print(console: Console, text: str) -> None:
-    console.print(text, markup=False, highlight=False, soft_wrap=True)
+    console.print(shown(text), markup=False, highlight=False, soft_wrap=True)

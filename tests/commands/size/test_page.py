@@ -207,7 +207,6 @@ def test_a_page_is_written_and_replaced_on_request_only(
 @pytest.mark.parametrize(
     ("args", "said"),
     [
-        (["--lang", "zh", "two_stations"], "--lang is of the page with sliders"),
         (["--standard-lines"], "name it with --out"),
         (["--standard-lines", "--lang", "fr", "-o", "x.html"], "'fr' is not one of 'en', 'zh'"),
         (["two_stations", "--standard-lines", "-o", "x.html"], "SCENARIO and --standard-lines exclude"),

@@ -1,0 +1,71 @@
+"""What commands print in Chinese: no English word is left but names, and JSON stays as it is."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from bussim.cli import main
+from bussim.scenario import builtin
+
+#: Registers, levels, units, keys and what programs and boards call themselves.
+_NAMES = (
+    r"D\d+|M\d+|K\d+|LD|MOV|END|STOP|RUN|ON|OFF|PLC|HMI|CPAVL|RS2|COM\d|CRC|LRC|ms|bps|y|x|N:N|Modbus|modbus-\w+|free|"
+    r"pymodbus|ModbusSerialClient|port|baudrate|bytesize|parity|stopbits|timeout|retries|retries\+1|framer|FramerType\.ASCII|"
+    r"quiet|typical|bad|attempts|absent_station|full|probe|skip_after_failure|--json|--ignore-faults|cable_cut|bussim|summary|json|7xyy|yy"
+)
+
+
+def english(text: str, scenario: str) -> set[str]:
+    """Words of a text that are neither names of the scenario nor of :data:`_NAMES`; warnings are English."""
+    lines = "\n".join(line for line in text.splitlines() if not line.startswith("警告"))
+    own = {*re.findall("[A-Za-z]+", scenario)}
+    found = re.findall("[A-Za-z]{3,}", re.sub(rf"(?a:(?<!\w)(?:{_NAMES})(?!\w))", "", lines))
+    return {word for word in found if word not in own}
+
+
+@pytest.mark.parametrize(
+    ("command", "scenario"),
+    [
+        ("size", "electrical_noise"),
+        ("size", "feeder_off"),
+        ("size", "dead_from_start"),
+        ("exact", "manual_example"),
+        ("exact", "nn_with_modbus"),
+        ("exact", "interlock"),
+        ("run", "press_line"),
+        ("run", "wrong_parity"),
+        ("run", "two_masters"),
+        ("run", "barcode_reader"),
+        ("run", "feeder_off"),
+    ],
+)
+def test_no_english_word_is_left_but_names(
+    command: str, scenario: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    args = ["--duration", "3s", "--no-plots", "-o", str(tmp_path / "out")] if command == "run" else []
+    assert main([command, scenario, "--lang", "zh", *args]) == 0
+    printed = capsys.readouterr().out.replace(str(tmp_path), "")
+    assert re.search("[\u4e00-\u9fff]{4}", printed)
+    assert english(printed, builtin.read(scenario) + " out link") == set()
+
+
+def test_the_language_is_that_of_the_system_and_json_is_the_same_in_each(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    args, printed = ["size", "--stations", "3"], {}
+    for locale in ("C.UTF-8", "zh_CN.UTF-8"):
+        monkeypatch.setenv("LC_ALL", locale)
+        assert main(args) == 0
+        printed[locale] = capsys.readouterr().out
+    assert "false station errors" in printed["C.UTF-8"]
+    assert "误报站错误" in printed["zh_CN.UTF-8"]
+    assert main([*args, "--lang", "en"]) == 0
+    assert capsys.readouterr().out == printed["C.UTF-8"]
+    texts = []
+    for lang in ("en", "zh"):
+        assert main([*args, "--json", "--lang", lang]) == 0
+        texts.append(capsys.readouterr().out)
+    assert texts[0] == texts[1]
