@@ -87,6 +87,8 @@ class BridgedLine(PartlyExternalLine, ABC):
 class ExternalSerialBus(BridgedLine, SerialBus):
     """A serial bus with a bridge."""
 
+    at_once = False  # the bridge has to see every frame
+
     def kind_of_external(self, chars: bytes) -> str:
         """Requests where a node of this bus is a slave, else responses."""
         return "request" if any(node.kind == "response" for node in self.ports) else "response"

@@ -126,7 +126,7 @@ class Kernel:
     a chained timer is carried out without going through the queue (:meth:`Timer.chain`).
     """
 
-    __slots__ = ("_limit", "_stop", "chained", "env", "made", "now", "order", "queue")
+    __slots__ = ("_faults", "_limit", "_stop", "chained", "env", "made", "now", "order", "queue")
 
     def __init__(self) -> None:
         self.env = simpy.Environment(initial_time=0)
@@ -138,6 +138,7 @@ class Kernel:
         #: Where not None: takes the timers that are made.
         self.made: list[Timer] | None = None
         self._stop = Timer(self, lambda _: None, _STOP)
+        self._faults: list[int] = []  # the ticks of those to come, and of some that are past
 
     def timer(self, action: Callable[[int], None], priority: EventPriority) -> Timer:
         """A timer that calls ``action(tick)``."""
@@ -148,7 +149,16 @@ class Kernel:
 
     def at(self, tick: int, action: Callable[[int], None], priority: EventPriority) -> None:
         """Call ``action(tick)`` once."""
+        if priority is FAULT:
+            heappush(self._faults, tick)
         self.timer(action, priority).set(tick)
+
+    def calm_until(self, now: int) -> int:
+        """Up to which tick there is neither a fault nor the end of the run after ``now``."""
+        faults, stop = self._faults, self._stop.at
+        while faults and faults[0] <= now:
+            heappop(faults)
+        return min(faults[0] if faults else NEVER, stop if stop >= 0 else NEVER)
 
     def next(self, but: Collection[Timer] = ()) -> int:
         """The tick at which something may happen next, far away if nothing is to happen at all.

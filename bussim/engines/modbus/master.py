@@ -174,6 +174,18 @@ class Master(Engine[Adu, MasterEvent | PollEvent]):
             return hints | self._accepted(frame, start, end, end)
         return hints | self._still_open(end)
 
+    @property
+    def longest_response(self) -> int:
+        """Characters of the longest sound response to the request."""
+        return self.config.framing.chars(response_size(self._request))
+
+    def receive_complete(self, frame: Adu, start: int, end: int, now: int) -> int:
+        """A whole undamaged frame, which is known to be over at ``now``; returns hints.
+
+        The same as :meth:`receive_frame` and :meth:`line_idle`, with silence before it.
+        """
+        return self._accepted(frame, start, end, now) if self.state is MasterState.REPLY else 0
+
     def _still_open(self, now: int) -> int:
         """After a character: hints for what is open, which may be too long or come too late."""
         reader = self._reader

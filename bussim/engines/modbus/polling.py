@@ -45,6 +45,10 @@ class PollingMaster(Master):
         """A whole undamaged frame."""
         return self._go_on(end, super().receive_frame(frame, start, end))
 
+    def receive_complete(self, frame: Adu, start: int, end: int, now: int) -> int:
+        """A whole undamaged frame that is over."""
+        return self._go_on(now, super().receive_complete(frame, start, end, now))
+
     def line_idle(self, now: int) -> int:
         """The line has been idle for :attr:`quiet` ticks."""
         return self._go_on(now, super().line_idle(now))

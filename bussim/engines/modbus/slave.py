@@ -130,6 +130,30 @@ class Slave(Engine[Adu, SlaveEvent]):
             return hints
         return hints | OPEN
 
+    def ready_for(self, start: int) -> bool:
+        """Whether a frame that begins at ``start`` follows on silence, and none before it is unfinished."""
+        reader = self._reader
+        over = not reader.open or (reader.lone and start - reader.end >= reader.quiet)
+        return over and self.state is SlaveState.LISTENING
+
+    def receive_complete(self, frame: Adu, start: int, end: int, now: int) -> int:
+        """A whole undamaged frame that it is :meth:`ready_for`, known to be over at ``now``; returns hints.
+
+        The same as :meth:`receive_frame` and :meth:`line_idle`.
+        """
+        self._reader.reset()
+        return self._accepted(frame, start, end, now)
+
+    def overhear(self, request: Adu, asked: int, response: Adu, start: int, end: int) -> None:
+        """Two whole frames of another station from ``asked`` and ``start`` on, each after silence.
+
+        The same as two calls of :meth:`receive_frame`.
+        """
+        reader = self._reader
+        reader.reset()
+        self.heard, self.heard_start = (response, start) if reader.immediate else (request, asked)
+        reader.whole(response, start, end)
+
     def line_idle(self, now: int) -> int:
         """The line has been idle for :attr:`quiet` ticks: an RTU frame is complete."""
         completed = self._reader.silence()

@@ -11,6 +11,7 @@ from bussim.line.characters import LineTiming
 from bussim.sim.notes import Notes
 from bussim.sim.serial.contract import Replies, SerialStation
 from bussim.sim.serial.messages import Messages
+from bussim.sim.serial.transaction_path import TransactionPath
 from bussim.sim.wire.contract import LineNode, Reading, Transmission, WireFrame
 from bussim.sim.wire.line import Line
 from bussim.trace.records import LATE_RESPONSE, Outcome, Sink
@@ -23,6 +24,8 @@ class SerialBus(Line):
     """One bus with its PLC ports and devices in cable order."""
 
     ports: Sequence[SerialStation]
+    #: Whether whole transactions may be done at once (a test compares runs with and without).
+    at_once = True
 
     def __init__(self, name: str, timing: LineTiming, sink: Sink, reporter: Notes) -> None:
         super().__init__(name, timing, sink, reporter)
@@ -32,6 +35,19 @@ class SerialBus(Line):
         self.delivered: deque[Transmission] = deque(maxlen=_PIECES)
         self.replies = Replies(lambda master, tick: sink.irregular(name, master, tick, LATE_RESPONSE))
         self.messages = Messages(self._became)
+        self.transaction_path = TransactionPath(self)
+
+    @property
+    def undisturbed(self) -> bool:
+        """Whether the line is idle, every node receives whole frames, and nothing can touch them."""
+        disturber = self.disturber
+        busy = self.drivers or self.waiting or self._open_receivers
+        return not (busy or disturber.active or disturber.replies_at_risk)
+
+    def listeners_changed(self) -> None:
+        """See the line."""
+        super().listeners_changed()
+        self.transaction_path.forget()
 
     # -- frames ------------------------------------------------------------------------------------
 

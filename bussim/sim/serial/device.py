@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import assert_never
 
-from bussim.devices.contract import BusDevice, MasterSettings, SlaveSettings
+from bussim.devices.contract import BusDevice, DeviceEvent, MasterSettings, SlaveSettings
 from bussim.engines.contract import SERVE
 from bussim.engines.free.events import CharacterDamaged, Received, Sent
 from bussim.engines.modbus.events import (
@@ -20,7 +21,7 @@ from bussim.engines.modbus.slave import Slave
 from bussim.line.random_streams import Streams
 from bussim.plc.ports.events import TurnEnded
 from bussim.plc.scan import ScanCycle
-from bussim.sim.kernel import END, Kernel
+from bussim.sim.kernel import END, HEARING, Kernel
 from bussim.sim.serial.bus import SerialBus
 from bussim.sim.serial.contract import SerialEvent
 from bussim.sim.serial.node import SerialNode
@@ -117,7 +118,7 @@ class DeviceNode(SerialNode):
         match item:
             case RequestServed() | StationRefused():
                 reporter.slave_event(self, item)
-                self._record_events()
+                self._record_events(now)
             case FrameRejected():
                 if self.kind == "response":
                     reporter.slave_event(self, item)
@@ -140,11 +141,17 @@ class DeviceNode(SerialNode):
             case _:
                 assert_never(item)
 
-    def _record_events(self) -> None:
+    def _record_events(self, now: int = 0) -> None:
         for event in self._behaviour.events():
-            self.reporter.note(event.tick, event.kind, self.name, event.text)
-            if event.warning:
-                self.reporter.warn(event.warning)
+            if now > self._kernel.now:  # the request was served ahead of its time
+                self._kernel.at(now, partial(self._record, event), HEARING)
+            else:
+                self._record(event)
+
+    def _record(self, event: DeviceEvent, _: int = 0) -> None:
+        self.reporter.note(event.tick, event.kind, self.name, event.text)
+        if event.warning:
+            self.reporter.warn(event.warning)
 
     def state(self, now: int) -> dict[str, int]:
         """Its state for the summary, by name."""

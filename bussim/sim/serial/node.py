@@ -9,6 +9,7 @@ from typing import Any
 from bussim.engines.contract import OPEN
 from bussim.engines.free.engine import FreePort
 from bussim.engines.free.events import Received
+from bussim.engines.modbus.adu import Adu
 from bussim.engines.modbus.events import RequestServed
 from bussim.engines.modbus.master import Master
 from bussim.engines.modbus.slave import Slave
@@ -45,9 +46,11 @@ class SerialNode(SerialStation):
         self.reporter = reporter
         self.replies = bus.replies
         self._delays = delays if jitter else None
-        self._jitter = jitter
+        self.longest_delay = jitter
         self._silence_timer = kernel.timer(self._on_silence, HEARING)
         self._received_until = 0
+        self._outcome_timer = kernel.timer(self._on_outcome, HEARING)
+        self._response: tuple[Adu, int, int] | None = None  # that it receives whole, with its two ends
         # By the number of a request: its first edge, and when its values were taken.
         self._served: dict[int, tuple[int, int]] = {}
 
@@ -137,11 +140,12 @@ class SerialNode(SerialStation):
 
     def schedule(self, at: int, counter: int) -> None:
         """Schedule a frame to be sent from ``at`` on; a reply is delayed by the node's own turnaround."""
-        if self.kind == "response":
-            at += self.extra_turnaround
-            if self._delays is not None:
-                at += int(next(self._delays) * (self._jitter + 1))
-        super().schedule(at, counter)
+        super().schedule(self.reply_at(at) if self.kind == "response" else at, counter)
+
+    def reply_at(self, at: int) -> int:
+        """See the base class."""
+        at += self.extra_turnaround
+        return at if self._delays is None else at + int(next(self._delays) * (self.longest_delay + 1))
 
     def _on_start(self, now: int) -> None:
         engine = self.engine
@@ -157,13 +161,28 @@ class SerialNode(SerialStation):
             self.handle(engine.give_up_reply(now), now)
             return
         frame = engine.begin_transmit(now, counter)
-        self.bus.waiting.discard(self)
-        self._begin(frame, now)
-        tx = self.sending
-        if replies:
-            asked = self._served.pop(counter, None)
-            if asked is not None and tx is not None:
-                bus.replies.replied(Reply(now, tx.end, *asked, len(frame.chars)))
-            self.reporter.replied(self)
-        else:
+        bus.waiting.discard(self)
+        if not replies:
             self.request_chars = len(frame.chars)
+            asks = self.kind == "request"
+            if asks and bus.transaction_path.pass_transaction(self, frame, now, self._kernel):
+                return
+        self._begin(frame, now)
+        if replies and self.sending is not None:
+            self.replied(counter, now, self.sending.end, len(frame.chars))
+
+    def replied(self, counter: int, begun: int, end: int, chars: int) -> None:
+        """See the base class."""
+        asked = self._served.pop(counter, None)
+        if asked is not None:
+            self.bus.replies.replied(Reply(begun, end, *asked, chars))
+        self.reporter.replied(self)
+
+    def await_outcome(self, response: Adu, start: int, end: int, now: int) -> None:
+        """See the base class."""
+        self._response = response, start, end
+        self._outcome_timer.set(now)
+
+    def _on_outcome(self, now: int) -> None:
+        if self._response is not None:
+            self.handle(self.engine.receive_complete(*self._response, now), now)
