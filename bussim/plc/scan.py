@@ -127,7 +127,8 @@ class ScanCycle:
         else:
             self._used -= len(ends) - index - 1
         del ends[index + 1 :]
-        self._forget(index - 1)
+        if index > _BLOCK or self._bounds:
+            self._forget(index - 1)
         self._extra = extra
         if self.on_change is not None:
             self.on_change(end)

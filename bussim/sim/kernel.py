@@ -22,13 +22,14 @@ from simpy.events import EventPriority
 
 #: Order of things at one tick (fixed by the model): the end of a run, faults, then what was completely
 #: heard, then what engines do at their deadlines, then ENDs, then transmissions. Most ENDs are no events;
-#: looked up at its tick such a one counts as done. Up to SENDING there is one for each PLC's ENDs.
+#: looked up at its tick such a one counts as done. Between two of them there is room for one of each serial
+#: bus, or of each PLC's ENDs.
 _STOP: Final = EventPriority(0)
 FAULT: Final = EventPriority(1)
-HEARING: Final = EventPriority(2)
-DEADLINES: Final = EventPriority(3)
-END: Final = EventPriority(4)
-SENDING: Final = EventPriority(1 << 20)
+HEARING: Final = EventPriority(1 << 20)
+DEADLINES: Final = EventPriority(2 << 20)
+END: Final = EventPriority(3 << 20)
+SENDING: Final = EventPriority(4 << 20)
 
 #: A tick that is never reached.
 NEVER: Final = 1 << 62
@@ -41,12 +42,12 @@ _WATCHED = 256
 class Timer:
     """Calls ``action(tick)`` once at the tick that it was last set to."""
 
-    __slots__ = ("_action", "_callbacks", "_event", "_kernel", "_priority", "at")
+    __slots__ = ("_action", "_callbacks", "_event", "_kernel", "at", "priority")
 
     def __init__(self, kernel: Kernel, action: Callable[[int], None], priority: EventPriority) -> None:
         self._kernel = kernel
         self._action = action
-        self._priority = priority
+        self.priority = priority
         self._event = event = simpy.Event(kernel.env)
         # A SimPy event may only be scheduled triggered; this one is so for ever.
         event._ok = True  # noqa: SLF001 - what Event.succeed does, without scheduling
@@ -88,7 +89,7 @@ class Timer:
     def _schedule(self) -> None:
         kernel, at = self._kernel, self.at
         # As Environment.schedule does it: its calls were a tenth of all.
-        heappush(kernel.queue, (at, self._priority, next(kernel.order), self._event))
+        heappush(kernel.queue, (at, self.priority, next(kernel.order), self._event))
 
     def cancel(self) -> None:
         """Disarm it."""
@@ -126,7 +127,7 @@ class Kernel:
     a chained timer is carried out without going through the queue (:meth:`Timer.chain`).
     """
 
-    __slots__ = ("_faults", "_limit", "_stop", "chained", "env", "made", "now", "order", "queue")
+    __slots__ = ("_faults", "_limit", "_stop", "behind", "chained", "env", "made", "now", "order", "queue")
 
     def __init__(self) -> None:
         self.env = simpy.Environment(initial_time=0)
@@ -137,12 +138,14 @@ class Kernel:
         self._limit = NEVER  # chained timers from here on go into the queue
         #: Where not None: takes the timers that are made.
         self.made: list[Timer] | None = None
+        #: Among those of one tick and kind, what timers that are made now come behind.
+        self.behind = 0
         self._stop = Timer(self, lambda _: None, _STOP)
         self._faults: list[int] = []  # the ticks of those to come, and of some that are past
 
     def timer(self, action: Callable[[int], None], priority: EventPriority) -> Timer:
         """A timer that calls ``action(tick)``."""
-        timer = Timer(self, action, priority)
+        timer = Timer(self, action, EventPriority(priority + self.behind))
         if self.made is not None:
             self.made.append(timer)
         return timer

@@ -191,7 +191,7 @@ class Simulation:
             line = outer or spec.name
             bus = self._outside.serial_bus(line, spec.timing, kernel, self._sink, reporter)
             nodes: list[SerialNode] = []
-            kernel.made = []
+            kernel.made, kernel.behind = [], len(self.serial_buses) + 1
             for name in members:
                 if name in ports:
                     plc, port = ports[name]
@@ -200,7 +200,7 @@ class Simulation:
                     nodes.append(DeviceNode(devices[name], bus, len(nodes), kernel, reporter, self._streams))
             bus.connect(nodes)
             self._bus_timers.append(([ports[name][0] for name in members if name in ports], kernel.made))
-            kernel.made = None
+            kernel.made, kernel.behind = None, 0
             self.serial_buses[line] = bus
             self._lines[spec.name].append(bus)
             self.nodes.update((node.name, node) for node in nodes)

@@ -15,6 +15,7 @@ from bussim.plc.plc import Plc
 from bussim.scenario import builtin, model
 from bussim.sim.nn.bus import LinkBus
 from bussim.sim.runner import Simulation
+from bussim.sim.serial.bus import SerialBus
 from tests.selection import quick
 from tests.sim import ladders
 from tests.sim.build import Done, run
@@ -22,14 +23,16 @@ from tests.sim.build import Done, run
 
 @contextmanager
 def one_by_one() -> Iterator[None]:
-    """Every END is carried out, and every link scan by itself."""
+    """Every END is carried out, every link scan by itself, and transactions frame by frame."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Simulation, "may_rest", False)
         patch.setattr(LinkBus, "in_blocks", False)
+        patch.setattr(SerialBus, "at_once", False)
         yield
 
 
-def _left(done: Done) -> dict[str, Any]:
+def left(done: Done) -> dict[str, Any]:
+    """What a run leaves: all its records, totals and memories."""
     found = vars(done.record).copy()
     # Those of several sources come source by source from scans that were done at once.
     found["refreshes"] = sorted(found["refreshes"], key=lambda refresh: refresh[2])
@@ -40,9 +43,9 @@ def _left(done: Done) -> dict[str, Any]:
 
 
 def compare(scenario: model.Scenario, *, traced: bool) -> None:
-    found = _left(run(scenario, traced=traced))
+    found = left(run(scenario, traced=traced))
     with one_by_one():
-        wanted = _left(run(scenario, traced=traced))
+        wanted = left(run(scenario, traced=traced))
     assert {key: value for key, value in found.items() if value != wanted[key]} == {}
 
 

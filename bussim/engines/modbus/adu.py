@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from binascii import hexlify
 from enum import StrEnum
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 from bussim.engines.modbus.codes import Rejection
@@ -66,6 +67,7 @@ class Damage(NamedTuple):
     head: bytes | None
 
 
+@lru_cache(maxsize=1024)
 def encode_adu(mode: Mode, station: int, pdu: bytes) -> Adu:
     """The frame that carries a PDU to or from a station (0–255)."""
     body = bytes((station,)) + pdu

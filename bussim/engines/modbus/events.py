@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from bussim.engines.modbus.codes import PortError, Rejection
 from bussim.engines.modbus.pdu import Request, Response
 
 
-@dataclass(frozen=True, slots=True)
-class FrameRejected:
+class FrameRejected(NamedTuple):
     """Characters that are no frame, or a frame that is not served; nothing is sent in reply."""
 
     tick: int
@@ -18,8 +18,7 @@ class FrameRejected:
     chars: bytes
 
 
-@dataclass(frozen=True, slots=True)
-class Unanswered:
+class Unanswered(NamedTuple):
     """A request that timed out, and when its last stop bit had left: its response may still come."""
 
     station: int
@@ -27,8 +26,7 @@ class Unanswered:
     asked: int
 
 
-@dataclass(frozen=True, slots=True)
-class ForeignFrame:
+class ForeignFrame(NamedTuple):
     """Master: a sound frame that is not the awaited response; it goes on waiting, unless ``taken``.
 
     ``late`` is the earlier request that the frame answers, None where it is of another station.
@@ -41,8 +39,7 @@ class ForeignFrame:
     taken: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class TransactionEnded:
+class TransactionEnded(NamedTuple):
     """Master: a transaction was decided.
 
     ``error`` is None where a good response came (or, for a broadcast, its turnaround is over);
@@ -63,8 +60,7 @@ class TransactionEnded:
     response: Response | None
 
 
-@dataclass(frozen=True, slots=True)
-class RequestServed:
+class RequestServed(NamedTuple):
     """Slave: a request was carried out or refused.
 
     ``request`` is None where the function is unknown or its count impossible; ``exception`` 0 where
@@ -82,8 +78,7 @@ class RequestServed:
     broadcast: bool
 
 
-@dataclass(frozen=True, slots=True)
-class StationRefused:
+class StationRefused(NamedTuple):
     """Slave: a station number outside 1–247 (port error 0); it receives and sends nothing."""
 
     tick: int
@@ -103,8 +98,7 @@ class PollEnded:
     late: int  # ticks from the moment it was due to ``start``
 
 
-@dataclass(frozen=True, slots=True)
-class CycleEnded:
+class CycleEnded(NamedTuple):
     """Poll list: every poll has had a turn since the first one of this cycle was begun."""
 
     tick: int

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 from bussim.engines.contract import DEADLINE, EVENTS, OPEN, TRANSMIT, Engine, RxChar
 from bussim.engines.modbus.adu import BROADCAST, LAST_STATION, Adu, Damage
@@ -54,6 +55,7 @@ class MasterConfig:
     last_station: int = LAST_STATION
 
 
+@lru_cache
 def refusal(
     station: int, request: Request, limits: Limits = STANDARD_LIMITS, last_station: int = LAST_STATION
 ) -> PortError | None:

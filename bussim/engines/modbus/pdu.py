@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from enum import IntEnum, StrEnum
+from functools import lru_cache
 from struct import pack, unpack_from
 from typing import Final, NamedTuple
 
@@ -202,6 +203,7 @@ def _counted(head: bytes, data: bytes) -> bytes:
 # -- requests: the client encodes, the server decodes ----------------------------------------------
 
 
+@lru_cache(maxsize=1024)
 def encode_request(request: Request) -> bytes:
     """The PDU of a request.
 
@@ -229,6 +231,7 @@ def _check_words(*words: int) -> None:
         raise ValueError(f"{bad} does not fit into 16 bits, allowed 0…65535")
 
 
+@lru_cache(maxsize=1024)
 def decode_request(pdu: bytes) -> Request | Malformed:
     """The request that a PDU is. Quantities are not checked here."""
     if not pdu:
@@ -255,6 +258,7 @@ def decode_request(pdu: bytes) -> Request | Malformed:
 # -- responses: the server encodes, the client decodes ---------------------------------------------
 
 
+@lru_cache(maxsize=1024)
 def encode_response(response: Response) -> bytes:
     """The PDU of a normal response. Raises ValueError as :func:`encode_request` does."""
     function, address, quantity, values = response
@@ -273,6 +277,7 @@ def encode_exception(function: int, code: int) -> bytes:
     return bytes((function | EXCEPTION_BIT, code))
 
 
+@lru_cache(maxsize=1024)
 def response_size(request: Request) -> int:
     """Bytes of the PDU of a normal response."""
     if request.function in _READ_BITS:
@@ -286,6 +291,7 @@ def response_size(request: Request) -> int:
 EXCEPTION_SIZE: Final = 2
 
 
+@lru_cache(maxsize=1024)
 def decode_response(pdu: bytes, request: Request | None = None) -> Response | ExceptionResponse | Malformed:
     """The response that a PDU is.
 

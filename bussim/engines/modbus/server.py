@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from enum import Enum
+from enum import StrEnum
 from typing import Protocol
 
 from bussim.engines.modbus.codes import ExceptionCode
@@ -19,7 +19,7 @@ from bussim.engines.modbus.pdu import (
 )
 
 
-class Space(Enum):
+class Space(StrEnum):
     """The four address spaces of Modbus, each 0…65535, by the name of their reference numbers."""
 
     COILS = "0xxxx"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 from bussim.engines.modbus.pdu import WRITES
 from bussim.engines.modbus.server import SPACES
@@ -13,11 +14,13 @@ _WORD_BITS = 16
 _COILS = frozenset("MSY")
 
 
+@lru_cache(maxsize=1024)
 def is_bits(function: int) -> bool:
     """Whether a function (one of the known) carries coils rather than registers."""
     return SPACES[function].is_bit
 
 
+@lru_cache(maxsize=1024)
 def fits(device: Device, function: int, count: int) -> bool:
     """Whether ``count`` items of a function lie in memory from a device on."""
     bits = is_bits(function)

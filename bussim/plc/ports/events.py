@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from bussim.engines.free.events import Received, Sent
 from bussim.engines.modbus.codes import PortError
 from bussim.engines.modbus.events import CycleEnded, TransactionEnded
 
 
-@dataclass(frozen=True, slots=True)
-class TransactionTaken:
+class TransactionTaken(NamedTuple):
     """A master's port has taken over the outcome of an attempt.
 
     ``ended`` is the engine's account of it. Where RS2 cannot send the request, no engine was asked: its
@@ -23,8 +22,7 @@ class TransactionTaken:
     ended: TransactionEnded
 
 
-@dataclass(frozen=True, slots=True)
-class TurnEnded:
+class TurnEnded(NamedTuple):
     """A turn of a poll is over, all its attempts included."""
 
     poll: str
@@ -35,16 +33,14 @@ class TurnEnded:
     late: int  # ticks from the moment it was due to ``start``
 
 
-@dataclass(frozen=True, slots=True)
-class FreeSent:
+class FreeSent(NamedTuple):
     """The free protocol has sent; reported at the END that sees it."""
 
     poll: str  # "" where a program drove it
     sent: Sent
 
 
-@dataclass(frozen=True, slots=True)
-class FreeReceived:
+class FreeReceived(NamedTuple):
     """The free protocol has received; reported at the END that takes it over.
 
     Also reported, with no data and by timeout, where an instruction of ``polls:`` waited in vain for
@@ -55,8 +51,7 @@ class FreeReceived:
     received: Received
 
 
-@dataclass(frozen=True, slots=True)
-class PortErrorRaised:
+class PortErrorRaised(NamedTuple):
     """M8063 on and D8063 = ``code``."""
 
     tick: int

@@ -21,7 +21,7 @@ from bussim.engines.modbus.slave import Slave
 from bussim.line.random_streams import Streams
 from bussim.plc.ports.events import TurnEnded
 from bussim.plc.scan import ScanCycle
-from bussim.sim.kernel import END, HEARING, Kernel
+from bussim.sim.kernel import END, Kernel
 from bussim.sim.serial.bus import SerialBus
 from bussim.sim.serial.contract import SerialEvent
 from bussim.sim.serial.node import SerialNode
@@ -144,7 +144,7 @@ class DeviceNode(SerialNode):
     def _record_events(self, now: int = 0) -> None:
         for event in self._behaviour.events():
             if now > self._kernel.now:  # the request was served ahead of its time
-                self._kernel.at(now, partial(self._record, event), HEARING)
+                self._kernel.at(now, partial(self._record, event), self._silence_timer.priority)
             else:
                 self._record(event)
 

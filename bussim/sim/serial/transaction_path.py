@@ -1,9 +1,9 @@
 """A whole Modbus transaction at once, where the slave is alone with its master and nothing disturbs.
 
-A request that leaves an idle line for a slave that responds by itself, with slaves alone beside it: then it is
-known what each engine receives and when, so they are asked for request, response and outcome one after the
-other, without an event for each frame and silence. Only the outcome waits for its tick, as it is there that the
-master goes on. A run has the same results to the last byte with and without, which a test compares.
+A request leaves an idle line for a slave that responds by itself, with only slaves beside it: then it is
+known what each engine receives and when, and they are asked for request, response and outcome in turn,
+without an event for each frame and silence. Only the outcome waits for its tick, since the master goes on
+there. A run has the same results to the last byte with and without, which a test compares.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from bussim.engines.modbus.master import Master
 from bussim.engines.modbus.polling import PollingMaster
 from bussim.engines.modbus.slave import Slave
 from bussim.sim.serial.contract import SerialStation
+from bussim.sim.wire.contract import Transmission
 
 if TYPE_CHECKING:
     from bussim.sim.kernel import Kernel
@@ -79,6 +80,8 @@ class TransactionPath:
         responding.transmit_done(end)
         for other in others:
             other.overhear(request, now, response, begun, end)
+        # Others may still wait for the silence behind the response: later it is known who sent it.
+        bus.delivered.append(Transmission(slave, response, response.chars, begun, end, slave.timing))
         bus.frames += 2
         bus.busy += asked - now + end - begun
         node.await_outcome(response, begun, end, end + closing)
