@@ -51,5 +51,11 @@ def program() -> NoReturn:
     sys.exit(code)
 
 
+def page() -> NoReturn:
+    """Run ``bussim ui``, started without a console."""
+    sys.argv.insert(1, "ui")
+    program()
+
+
 if __name__ == "__main__":
     program()

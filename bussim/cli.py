@@ -22,6 +22,7 @@ COMMANDS = {
     "check": "Name every mistake of scenarios with its line and column.",
     "exact": "Work out link scan and poll cycle times.",
     "size": "Recommend retries and timeout.",
+    "ui": "Show a line on a page, with sliders and answers at once.",
     "watch": "Show chosen devices over time.",
     "sweep": "Run a scenario at every point of a grid.",
     "scenarios": "List, show or copy the built-in scenarios.",

@@ -12,7 +12,7 @@ from typing import Any
 #: The languages, in the order of the tables' columns: English and Chinese (zh-Hans).
 LANGUAGES = ("en", "zh")
 #: The tables, and those of pages, whose keys begin with the table's name: their scripts have them without it.
-TABLES, PAGES = ("verdict", "solver", "run", "pictures"), ("sizing", "report")
+TABLES, PAGES = ("verdict", "solver", "run", "pictures"), ("sizing", "report", "ui")
 #: A text of fewer letters than this besides its values, or of one word, may be that of something else.
 _LEAST_LETTERS = 8
 

@@ -1,0 +1,58 @@
+"""``bussim ui``: a line on a page of the browser."""
+
+from __future__ import annotations
+
+import webbrowser
+from pathlib import Path
+
+import click
+
+from bussim.errors import UsageError
+from bussim.words.language import system_language
+from bussim.words.tables import LANGUAGES
+
+
+@click.command()
+@click.argument("scenario", metavar="[SCENARIO]", required=False)
+@click.option("--folder", metavar="DIR", help="Where it opens and saves. [default: SCENARIO's, or this]")
+@click.option("--lang", type=click.Choice(LANGUAGES), help="Language of the page. [default: the system's]")
+@click.option("--no-browser", is_flag=True, help="Do not open the browser.")
+def command(scenario: str | None, *, folder: str | None, lang: str | None, no_browser: bool) -> None:
+    """Show a line on a page: move retries, timeout or noise, and see link scan times and errors at once.
+
+    SCENARIO is a file or the name of a built-in scenario; without it the page begins with an example.
+    The first line printed is the address, which this computer alone can open and only with the token in
+    it: a colleague who works on this computer at the same time could read it from the list of processes.
+    Scenarios are saved in the folder, and runs in its folder runs. Ends with Quit on the page or Ctrl-C.
+    """
+    try:
+        from bussim.ui.server import Above, serve
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] not in ("starlette", "uvicorn", "anyio"):
+            raise
+        raise UsageError(
+            f"the page needs {error.name}, which is not installed: pip install 'bussim[ui]'"
+        ) from None
+    from bussim.commands.new import new_scenario
+    from bussim.commands.report import report
+    from bussim.scenario import builtin
+    from bussim.site.result import site
+    from bussim.ui.workspace import Workspace
+
+    opened, home = None, Path()
+    if scenario is not None:
+        opened = builtin.locate(scenario)[0].absolute()
+        if not opened.is_file():
+            raise UsageError(f"{scenario}: no such file, and no built-in scenario of that name")
+        home = Path() if opened.parent == builtin.folder() else opened.parent
+    where = home if folder is None else Path(folder)
+    if not where.is_dir():
+        raise UsageError(f"--folder {where}: no such folder")
+
+    def ready(address: str) -> None:
+        click.echo(address)
+        if not no_browser:
+            webbrowser.open(address)
+
+    above = Above(report, site, new_scenario(4, 2))
+    serve(Workspace(where, opened), above, lang or system_language(), ready)

@@ -1,0 +1,67 @@
+"""What the page shows of a simulation that is over."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, cast
+
+from bussim.api import load, open_run
+from bussim.exact.metrics import fine_curve
+from bussim.exact.solution import exact
+from bussim.report.charts import histogram_chart, scene_chart
+from bussim.report.runs import ExactDistribution
+from bussim.report.scene import MOST_SHAPES, scene_of
+from bussim.report.trace_window import read_window, worst_window
+from bussim.results.store.folder import SCENARIO
+from bussim.trace.file import TRACE, read_trace
+from bussim.words.language import shown, use_language
+from bussim.words.tables import recognised
+
+
+def finished(folder: Path, lang: str) -> dict[str, Any]:
+    """Summary, verdict, histogram over the law and the longest link scan of a run's folder, by bus.
+
+    Sentences are in the language ``lang``.
+    """
+    result = open_run(folder)
+    record = result.record
+    laws = _laws(folder)
+    histograms = {
+        bus: histogram_chart({bus: link.scan_times.histogram}, laws.get(bus), bus)
+        for bus, link in record.links.items()
+        if link.scan_times.histogram.count
+    }
+    worst = {}
+    if (folder / TRACE).is_file():
+        trace = read_trace(folder)
+        for bus in record.links:
+            window = worst_window(trace, record, bus)
+            scene = None if window is None else scene_of(read_window(trace, record, bus, *window))
+            if scene is not None and len(scene.boxes) + len(scene.marks) <= MOST_SHAPES:
+                worst[bus] = {**scene_chart(scene, bus), "why": [recognised(text) for text in scene.why]}
+    said = [recognised(each["text"]) for each in record.summary["verdict"]]
+    found = {
+        "folder": str(folder),
+        "links": record.summary["links"],
+        "verdict": said,
+        "warnings": record.summary["warnings"],
+        "histograms": histograms,
+        "worst": worst,
+        "means": {bus: law.figures["mean_ms"] for bus, law in laws.items()},
+    }
+    with use_language(lang):
+        return cast("dict[str, Any]", shown(found))
+
+
+def _laws(folder: Path) -> dict[str, ExactDistribution]:
+    """The distribution of each link of a run; of one that faults disturb that of the time between them."""
+    laws = {}
+    # Of a run that this server has made: the text has every default, and the file names none.
+    scenario = load(folder / SCENARIO)
+    between = exact(scenario, refresh=False, ignore_faults=True).links
+    for bus, figures in exact(scenario, refresh=False).links.items():
+        law = figures if figures.valid else between[bus]
+        if law.distribution is not None:
+            x, tail = fine_curve(law.distribution)
+            laws[bus] = ExactDistribution(law.to_json(), "", law.model.notes, x.tolist(), tail.tolist())
+    return laws

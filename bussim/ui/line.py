@@ -1,0 +1,327 @@
+"""A link's scenario as the fields of a form, and the fields as changes of its text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Annotated, Any, Literal, cast
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from bussim.api import examine
+from bussim.errors import Problem, UsageError
+from bussim.exact.link import TIMEOUT_UNIT
+from bussim.line.protocols import BusProtocol
+from bussim.plc.link_registers import D_MODE, D_RETRIES, D_SLAVES, D_TIMEOUT, setting_values
+from bussim.scenario.loader import Examined
+from bussim.scenario.model import BitErrors, Burst, Plc, Scenario
+from bussim.scenario.yaml.edit import edit
+from bussim.scenario.yaml.parser import read
+from bussim.scenario.yaml.plain import copied
+from bussim.ui.guard import Refusal
+from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND, format_time
+
+#: What a scenario may have that the form does not show.
+_BESIDE = ("devices", "latency", "observe")
+
+Data = dict[str, Any]
+Number = Annotated[int, Field(ge=0, le=100_000)]
+Positive = Annotated[float, Field(gt=0, lt=1e9, allow_inf_nan=False)]
+Chance = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
+Name = Annotated[str, Field(max_length=10_000)]
+
+
+class Strict(BaseModel):
+    """Plain data of a request; a key that is not known is a mistake."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class Scan(Strict):
+    """The PLC scan of one PLC, in ms."""
+
+    mean: Annotated[float, Field(ge=0, lt=1e6)]
+    jitter: Annotated[float, Field(ge=0, lt=1e6)] = 0.0
+
+
+class NoiseIn(Strict):
+    """What the form says of the noise of its link: not known, a bit error rate or bursts (times in ms).
+
+    ``counters`` are ``entries`` of a scenario's ``noise``, worked out from counters that were read on site.
+    """
+
+    kind: Literal["unknown", "ber", "burst", "counters"]
+    ber: Chance = 0.0
+    good: Positive = 10_000.0
+    bad: Positive = 20.0
+    entries: Annotated[list[dict[Name, str | float]], Field(max_length=40)] = []
+
+
+class Form(Strict):
+    """The fields that a user has changed; what is None stays as the text has it.
+
+    ``timeout`` is D8180, ``scan`` the PLC scan of all PLCs of the link (ms), ``scans`` that of single ones.
+    ``off`` are the PLCs that are switched off for the whole run.
+    """
+
+    name: Name | None = None
+    profile: Name | None = None
+    stations: Annotated[int, Field(ge=2, le=8)] | None = None
+    mode: Number | None = None
+    retries: Number | None = None
+    timeout: Number | None = None
+    scan: Annotated[float, Field(ge=0, lt=1e6)] | None = None
+    scans: Annotated[dict[Name, Scan], Field(max_length=8)] = {}
+    noise: NoiseIn | None = None
+    off: Annotated[list[Name], Field(max_length=8)] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A text with the form's changes in it, and the scenario that it is."""
+
+    text: str
+    scenario: Scenario
+    bus: str
+    warnings: tuple[Problem, ...]
+
+    @property
+    def members(self) -> dict[int, Plc]:
+        """The PLCs of the link by their station, of several with one number the first."""
+        found: dict[int, Plc] = {}
+        for plc in self.scenario.plcs:
+            if plc.link is not None and plc.link.bus == self.bus:
+                found.setdefault(plc.registers.get("D8176", 0), plc)
+        return found
+
+
+def line_of(text: str, form: Form, bus: str, name: str, files: Mapping[str, bytes]) -> Line:
+    """The line that a form makes of a text; ``bus`` is the link's, "" for the first one.
+
+    Raises ScenarioError with every mistake, those of the text before those that the form makes.
+    """
+    before = _before(text, name, files) if form.model_fields_set else examine(text, name=name, files=files)
+    scenario = before.get()
+    links = [each.name for each in scenario.buses if each.protocol is BusProtocol.NN]
+    if bus and bus not in links:
+        raise Refusal(400, "no_bus", "the scenario has no such link", {"links": links})
+    line = Line(text, scenario, bus or next(iter(links), ""), before.warnings)
+    if not form.model_fields_set or not line.bus:
+        return line
+    try:
+        changed = edit(text, _changes(line, form))
+    except UsageError as error:
+        raise Refusal(400, "edit", str(error)) from error
+    after = examine(changed, name=name, files=files)
+    line = Line(changed, after.get(), line.bus, after.warnings)
+    found = values_of(line)
+    for field in ("stations", "mode", "retries", "timeout"):
+        asked = getattr(form, field)
+        if asked is not None and found[field] != asked:  # first scan of its program
+            raise Refusal(400, "by_program", f"{field}: the master's program sets it", {"field": field})
+    return line
+
+
+@lru_cache(maxsize=4)
+def _before(text: str, name: str, files: Mapping[str, bytes]) -> Examined:
+    """What a text says before the form's changes: the same for each move of a slider."""
+    return examine(text, name=name, files=files)
+
+
+def values_of(line: Line) -> dict[str, Any]:
+    """The form's fields as a line has them, and in ``also`` what else is in it."""
+    scenario, members = line.scenario, line.members
+    master = members.get(0)
+    data = _data(line.text)
+    links = [each.name for each in scenario.buses if each.protocol is BusProtocol.NN]
+    found: dict[str, Any] = {
+        "name": scenario.name,
+        "bus": line.bus,
+        "links": links,
+        "also": _also(line, data),
+    }
+    if master is None:
+        return found
+    settings = setting_values(master.profile, master.registers)
+    return {
+        **found,
+        "profile": master.profile.name,
+        "stations": settings[D_SLAVES] + 1,
+        "mode": settings[D_MODE],
+        "retries": settings[D_RETRIES],
+        "timeout": settings[D_TIMEOUT],
+        "timeout_range": list(master.profile.timeout_range),
+        "modes": list(master.profile.modes),
+        "scans": [
+            {"name": plc.name, "station": number, "mean": _ms(plc.scan.mean), "jitter": _ms(plc.scan.jitter)}
+            for number, plc in sorted(members.items())
+        ],
+        "scan": _ms(max(plc.scan.mean for plc in members.values())),
+        "noise": _noise_of(line, data),
+        "off": [plc.name for plc in members.values() if _off(plc.name) in _list(data, "faults")],
+        "duration_s": scenario.duration / TICKS_PER_SECOND,
+    }
+
+
+def field_of(line_path: str) -> str:
+    """The field of the form that a path of a scenario belongs to, "" for none."""
+    parts = line_path.split(".")
+    last = {"slaves": "stations", "mean": "scan", "jitter": "scan"}.get(parts[-1], parts[-1])
+    if parts[0] in ("noise", "name"):
+        return parts[0]
+    return last if last in Form.model_fields else ""
+
+
+def _also(line: Line, data: Data) -> dict[str, int]:
+    """How many things of which kind are in a line beside what the form shows."""
+    scenario, own = line.scenario, [_off(plc.name) for plc in line.members.values()]
+    found = {
+        "faults": sum(fault not in own for fault in _list(data, "faults")),
+        "programs": sum(plc.program is not None for plc in scenario.plcs),
+        "ports": sum(len(plc.polls) for plc in scenario.plcs),
+        **{name: len(_list(data, name)) for name in _BESIDE},
+    }
+    return {name: many for name, many in found.items() if many}
+
+
+def _changes(line: Line, form: Form) -> dict[str, object]:
+    """What a form changes, by the top keys of the text."""
+    before = _data(line.text)
+    after = cast("Data", copied(before, "<form>"))
+    plcs: dict[str, Data] = {each["name"]: each for each in after.get("plcs", ()) if isinstance(each, dict)}
+    master = line.members.get(0)
+    if master is None:
+        raise Refusal(400, "no_master", "the link has no master, whose settings the form could change")
+    if form.stations is not None:
+        _stations(line, after, plcs, form.stations - 1)
+    for key, number, value in (
+        ("slaves", D_SLAVES, form.stations and form.stations - 1),
+        ("mode", D_MODE, form.mode),
+        ("retries", D_RETRIES, form.retries),
+        ("timeout", D_TIMEOUT, form.timeout),
+    ):
+        if value is not None:
+            _set(plcs[master.name], key, f"D{number}", value)
+    for name, plc in plcs.items():
+        if not (name in {each.name for each in line.members.values()} or name not in _names(before)):
+            continue  # of another link, or of none
+        if form.profile is not None:
+            plc["profile"] = form.profile
+        if form.scan is not None:
+            _set_scan(plc, Scan(mean=form.scan), keep=True)
+        if name in form.scans:
+            _set_scan(plc, form.scans[name], keep=False)
+    if form.noise is not None:
+        _set_noise(after, line.bus, form.noise)
+    if form.off is not None:
+        names = [plc.name for plc in line.members.values()] + [
+            name for name in plcs if name not in _names(before)
+        ]
+        kept = [fault for fault in _list(after, "faults") if fault not in [_off(name) for name in names]]
+        after["faults"] = kept + [_off(name) for name in names if name in form.off and name in plcs]
+    if form.name is not None:
+        after["name"] = form.name
+    return {key: value for key, value in after.items() if key not in before or before[key] != value}
+
+
+def _stations(line: Line, data: Data, plcs: dict[str, Data], slaves: int) -> None:
+    """Add PLCs for stations that are not there, and take away plain ones at the end that are too many."""
+    like = next((plcs[plc.name] for number, plc in sorted(line.members.items()) if number), {})
+    master = plcs[line.members[0].name]
+    for number in range(1, slaves + 1):
+        if number in line.members:
+            continue
+        name = next(name for each in range(number, 999) if (name := f"slave{each}") not in plcs)
+        link = like.get("nn") or master.get("nn") or {}
+        copy: Data = {key: like[key] for key in ("profile", "scan") if key in like}
+        port = {"port": link["port"]} if "port" in link else {}
+        plcs[name] = {"name": name, **copy, "nn": {"bus": line.bus, **port, "station": number}}
+        data["plcs"].append(plcs[name])
+    many = {plc.name: number for number, plc in line.members.items() if number > slaves}
+    while (last := data["plcs"][-1])["name"] in many and last.keys() <= {"name", "profile", "scan", "nn"}:
+        rest = [each for key, each in data.items() if key != "plcs"]
+        if repr(last["name"]) in repr(rest):
+            break  # a fault or noise is about it
+        data["plcs"].pop()
+        del plcs[last["name"]]
+
+
+def _set(plc: Data, key: str, register: str, value: int) -> None:
+    """A setting of the master, where its text has it: under ``nn`` or among its registers."""
+    if isinstance(plc.get("nn"), dict):
+        plc["nn"][key] = format_time(value * TIMEOUT_UNIT) if key == "timeout" else value
+    else:
+        plc.setdefault("registers", {})[register] = value
+
+
+def _set_scan(plc: Data, scan: Scan, *, keep: bool) -> None:
+    """A PLC scan; with ``keep`` the jitter stays as it is."""
+    mean = format_time(round(scan.mean * TICKS_PER_MS))
+    found = plc.get("scan")
+    if isinstance(found, dict):
+        found["mean"] = mean
+        if not keep:
+            found["jitter"] = format_time(round(scan.jitter * TICKS_PER_MS))
+    elif scan.jitter:
+        plc["scan"] = {"mean": mean, "jitter": format_time(round(scan.jitter * TICKS_PER_MS))}
+    else:
+        plc["scan"] = mean
+
+
+def _set_noise(data: Data, bus: str, noise: NoiseIn) -> None:
+    """Noise of the link, in place of all that its text has."""
+    entries = _list(data, "noise")
+    place = next((place for place, each in enumerate(entries) if each.get("bus") == bus), len(entries))
+    own = entries[place] if place < len(entries) and _simple(entries[place]) else {}
+    kept: Data = {key: own[key] for key in ("name", "bus") if key in own} or {"bus": bus}
+    if noise.kind == "ber":
+        made = [{**kept, "ber": noise.ber}]
+    elif noise.kind == "burst":
+        times = {key: format_time(round(getattr(noise, key) * TICKS_PER_MS)) for key in ("good", "bad")}
+        made = [{**kept, "burst": {**own.get("burst", {}), **times, "ber_bad": noise.ber}}]
+    else:
+        made = [{**each, "bus": bus} for each in noise.entries if noise.kind == "counters"]
+    rest = [each for each in entries[place:] if each.get("bus") != bus]
+    if entries or made:
+        data["noise"] = [*entries[:place], *made, *rest]
+
+
+def _noise_of(line: Line, data: Data) -> dict[str, Any]:
+    """The noise of a link as the form shows it; ``file``: more than that."""
+    entries = [each for each in _list(data, "noise") if each.get("bus") == line.bus]
+    if not entries:
+        return {"kind": "unknown"}
+    (kind, *more) = (each.kind for each in line.scenario.noise if each.target.bus == line.bus)
+    if _simple(entries[0]) and not more:
+        if isinstance(kind, BitErrors):
+            return {"kind": "ber", "ber": kind.ber}
+        if isinstance(kind, Burst):
+            return {"kind": "burst", "ber": kind.ber_bad, "good": _ms(kind.good), "bad": _ms(kind.bad)}
+    return {"kind": "file", "entries": len(entries)}
+
+
+def _simple(entry: Data) -> bool:
+    kinds = entry.keys() - {"name", "bus"}
+    return kinds == {"ber"} or (kinds == {"burst"} and not entry["burst"].get("ber_good"))
+
+
+def _off(name: str) -> Data:
+    return {"power_off": name}
+
+
+def _list(data: Data, key: str) -> list[Data]:
+    found = data.get(key) or []
+    return [each for each in found if isinstance(each, dict)] if isinstance(found, list) else []
+
+
+def _names(data: Data) -> list[str]:
+    return [each["name"] for each in _list(data, "plcs")]
+
+
+def _data(text: str) -> Data:
+    return cast("Data", copied(read(text, "<text>")[0], "<text>"))
+
+
+def _ms(ticks: float) -> float:
+    return round(ticks / TICKS_PER_MS, 6)

@@ -1,0 +1,66 @@
+"""The page itself, and what it loads from this server: one style and one script."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from bussim.engines.nn.frames import MODES
+from bussim.exact.sizing.noise_levels import LEVELS
+from bussim.plc.profiles import MAX_RETRIES, MAX_SLAVES, PROFILES
+from bussim.report.document import environment, payload_text, text
+from bussim.version import __version__
+from bussim.words.tables import page_words
+
+#: What the page is made of, in this order.
+_STYLES = ("vendor/uPlot.min.css", "assets/page.css", "assets/sizing.css")
+_SCRIPTS = ("vendor/uPlot.iife.min.js", "assets/charts.js", "assets/page.js", "assets/trade_off.js")
+
+
+def words(lang: str) -> dict[str, str]:
+    """What the page says in one language, by key; what it shares with the sizing page is said there."""
+    return page_words("sizing", lang) | page_words("ui", lang)
+
+
+@cache
+def page(lang: str) -> str:
+    """The HTML that the browser gets, with the words of both languages and no figure."""
+    payload = {"charts": [], "runs": [], "lang": lang, "words": {each: words(each) for each in ("en", "zh")}}
+    template = environment().from_string(_own("ui.html.jinja"))
+    return template.render(
+        lang="zh-Hans" if lang == "zh" else "en",
+        words=words(lang),
+        payload=payload_text(payload),
+        version=__version__,
+    )
+
+
+@cache
+def static(name: str) -> tuple[str, str] | None:
+    """A file that the page loads, and its type; None for all other names."""
+    match name:
+        case "page.css":
+            return "\n".join([*map(text, _STYLES), _own("ui.css")]), "text/css"
+        case "page.js":
+            return "\n".join([*map(text, _SCRIPTS), _own("ui.js")]), "text/javascript"
+        case _:
+            return None
+
+
+def limits() -> dict[str, Any]:
+    """What each profile allows, and what the page offers, as plain data."""
+    return {
+        "profiles": {
+            name: {"modes": list(profile.modes), "timeout": list(profile.timeout_range)}
+            for name, profile in PROFILES.items()
+        },
+        "modes": [{"bits": block.bits, "words": block.words} for block in MODES],
+        "stations": [2, MAX_SLAVES + 1],
+        "retries": [0, MAX_RETRIES],
+        "levels": LEVELS,
+    }
+
+
+def _own(name: str) -> str:
+    return (files("bussim.ui") / "assets" / name).read_text(encoding="utf-8")

@@ -1,0 +1,194 @@
+"""What the page asks of a line, and the answers: each from the functions that ``import bussim`` offers."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from typing import Annotated, Any, Literal, NamedTuple
+
+from pydantic import Field
+
+from bussim.errors import UsageError
+from bussim.exact.from_scenario import from_scenario
+from bussim.exact.link import LinkModel
+from bussim.exact.metrics import tail_curve
+from bussim.exact.scan.mixture import Distribution
+from bussim.exact.sizing.choice import choice_of
+from bussim.exact.sizing.noise_levels import LEVELS, with_level
+from bussim.exact.sizing.page.items import page_items
+from bussim.exact.sizing.size import Sizing
+from bussim.exact.sizing.sized import Sized, size
+from bussim.exact.solution import exact
+from bussim.exact.solve import Solved
+from bussim.plc.profiles import MAX_RETRIES, attempts_per_poll
+from bussim.report.sizing import sizing_page
+from bussim.ui.guard import Refusal
+from bussim.ui.line import Form, Line, Name, Strict, line_of, values_of
+from bussim.ui.workspace import Workspace
+
+#: The least probability that a curve shows, its points in all, and its digits.
+_LEAST, _POINTS, _DIGITS = 1e-9, 300, 5
+_MOST_POINTS = 1_300
+#: Recommendations that are kept.
+_KEPT = 16
+#: What the page does not show of a sizing.
+_LEFT_OUT = ("pareto", "pareto_above_1_s", "margins", "rests_on")
+
+
+class Asked(Strict):
+    """A question on a line: its text, what the form changes of it, and which of its links is meant.
+
+    ``beside`` is the id of the file that the text is of, ``lang`` the language of the sentences; ``n`` comes
+    back with the answer.
+    """
+
+    text: Annotated[str, Field(max_length=4 * 1024 * 1024)]
+    name: Name = "line.yaml"
+    form: Form = Form()
+    bus: Name = ""
+    beside: Name | None = None
+    without_faults: bool = False
+    lang: Literal["en", "zh"] = "en"
+    n: int = 0
+
+
+class SizeAsked(Asked):
+    """A question for a recommendation, with goals as ``bussim size --goal`` takes them."""
+
+    goals: Annotated[tuple[Name, ...], Field(max_length=20, strict=False)] = ()
+
+
+class Curve(NamedTuple):
+    """Points of P(link scan > x), x in ms."""
+
+    x: list[float]
+    y: list[float]
+
+
+class Desk:
+    """Answers questions on lines of a workspace, and remembers the recommendations it has worked out."""
+
+    def __init__(self, workspace: Workspace) -> None:
+        self.workspace = workspace
+        self._sized: OrderedDict[tuple[object, ...], Sized] = OrderedDict()
+
+    def line(self, asked: Asked) -> Line:
+        """The line that a question is about. Raises ScenarioError with every mistake in it."""
+        return line_of(asked.text, asked.form, asked.bus, asked.name, self.workspace.beside(asked.beside))
+
+    def check(self, asked: Asked) -> dict[str, Any]:
+        """The text with the form's changes, the form's values of it, and its warnings with their places."""
+        line = self.line(asked)
+        warnings = [
+            {"line": each.line, "column": each.column, "message": each.message} for each in line.warnings
+        ]
+        return {"text": line.text, "form": values_of(line), "warnings": warnings, "n": asked.n}
+
+    def law(self, asked: Asked) -> dict[str, Any]:
+        """Figures of the link as ``bussim exact --json`` has them, and points of the distribution.
+
+        Where the noise is not known, the fan has the distribution at each of its assumed levels.
+        """
+        line = self.line(asked)
+        found = exact(line.scenario, refresh=False, ignore_faults=asked.without_faults).links
+        if line.bus not in found:
+            return {"n": asked.n, "form": values_of(line), "figures": None}
+        figures = found[line.bus]
+        law = figures.distribution
+        fan = [] if law is None or figures.model.noisy else fan_of(figures.model)
+        return {
+            "n": asked.n,
+            "form": values_of(line),
+            "figures": figures.to_json(),
+            "law": None if law is None else curve_of(law),
+            "fan": fan,
+        }
+
+    def size(self, asked: SizeAsked) -> dict[str, Any]:
+        """What ``bussim size --json`` recommends, and the figures of the setting as it is.
+
+        ``rows`` are all numbers of retries at the line's timeout, with the goals that each misses; the last
+        one is the line's own.
+        """
+        line = self.line(asked)
+        if not line.bus:
+            return {"n": asked.n, "sizing": None}
+        sized = self.sized(asked, line)
+        sizing = sized.links[line.bus]
+        model = from_scenario(line.scenario, ignore_faults=True, bound_end=True)[line.bus]
+        ports = {node: each.to_json() for node, each in sized.ports.items()}
+        return {
+            "n": asked.n,
+            "sizing": {key: value for key, value in sizing.to_json().items() if key not in _LEFT_OUT},
+            "goals": [{"name": name, "form": form} for name, form in sizing.goals.forms().items()],
+            "rows": rows_of(sizing, model),
+            "ports": {
+                node: {"recommended": each["recommended"], "reasons": each.get("reasons", [])}
+                for node, each in ports.items()
+            },
+        }
+
+    def sized(self, asked: SizeAsked, line: Line) -> Sized:
+        """What ``bussim.size`` says of a line: the same for all of its D8179 and D8180."""
+        form = asked.form.model_copy(update={"retries": None, "timeout": None})
+        key = (asked.text, form.model_dump_json(), asked.bus, asked.beside, tuple(asked.goals))
+        if key not in self._sized:
+            try:
+                self._sized[key] = size(line.scenario, asked.goals)
+            except UsageError as error:
+                raise Refusal(400, "goal", str(error)) from error
+            while len(self._sized) > _KEPT:
+                self._sized.popitem(last=False)
+        self._sized.move_to_end(key)
+        return self._sized[key]
+
+    def refresh(self, asked: Asked) -> dict[str, Any]:
+        """How old the blocks of each pair may be, and the presets for a heartbeat."""
+        line = self.line(asked)
+        found = exact(line.scenario, ignore_faults=asked.without_faults).links
+        gaps = found[line.bus].to_json()["refresh_gap_ms"] if line.bus in found else {}
+        return {"n": asked.n, "refresh_gap_ms": gaps}
+
+    def printed(self, asked: SizeAsked) -> str:
+        """The sizing page of a line, which opens with the setting that is recommended."""
+        line = self.line(asked)
+        return sizing_page(line.scenario.name, page_items(self.sized(asked, line)), asked.lang)
+
+
+def curve_of(law: Distribution) -> Curve:
+    """The tail of a distribution from where all scans are longer."""
+    x, y = tail_curve(law, _LEAST, _POINTS)
+    step = -(-len(x) // _MOST_POINTS)
+    shown = [(float(a), float(f"{b:.{_DIGITS}g}")) for a, b in zip(x[::step], y[::step], strict=True)]
+    return Curve([round(a, 4) for a, _ in shown], [b for _, b in shown])
+
+
+def fan_of(model: LinkModel) -> list[dict[str, Any]]:
+    """The distributions at the levels of noise that are assumed where it is not known."""
+    laws = {name: Solved(with_level(model, rate)).distribution for name, rate in LEVELS.items()}
+    return [{"level": name, "ber": LEVELS[name], "law": curve_of(law)} for name, law in laws.items()]
+
+
+def rows_of(sizing: Sizing, model: LinkModel) -> list[dict[str, Any]]:
+    """All numbers of attempts at the timeout of a link, and the link's own setting as the last one.
+
+    Empty where the setting is none that a recommendation can have (a reply does not fit its timeout).
+    """
+    checked = sizing.checked
+    if checked is None or model.timeout not in checked.grid.timeouts:
+        return []
+    grid = checked.grid
+    column = grid.timeouts.index(model.timeout)
+    if not bool(grid.valid[column]):
+        return []
+    lowest: dict[int, int] = {}
+    for retries in range(MAX_RETRIES + 1):
+        lowest.setdefault(attempts_per_poll(model.reading, retries), retries)
+    rows: list[dict[str, Any]] = []
+    for retries in (*lowest.values(), model.retries):
+        choice = choice_of(grid, model.reading, retries, model.timeout)
+        row = grid.attempts.index(choice.attempts)
+        missed = [name for name, met in checked.met.items() if not met[row, column]]
+        rows.append({**choice.to_json(), "misses": missed})
+    if not checked.heartbeat_met(row, column):  # which takes a distribution for each setting
+        rows[-1]["misses"].append("heartbeat")
+    return rows

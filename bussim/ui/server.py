@@ -1,0 +1,331 @@
+"""The server of the page: which address is answered by what, and its beginning and end."""
+
+from __future__ import annotations
+
+import json
+import secrets
+import socket
+import threading
+from collections.abc import AsyncIterator, Callable
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Annotated, Any, TypeVar
+
+import anyio
+import uvicorn
+from anyio import CapacityLimiter, to_thread
+from pydantic import BaseModel, Field, ValidationError
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, Response, StreamingResponse
+from starlette.routing import Route
+
+from bussim.api import examine
+from bussim.errors import BussimError, ScenarioError, UsageError
+from bussim.exact.solution import exact
+from bussim.scenario.yaml.edit import edit
+from bussim.ui.counters import CountersAsked, noise_of
+from bussim.ui.finished import finished
+from bussim.ui.guard import Guard, Refusal, body_of
+from bussim.ui.line import Name, Strict, field_of
+from bussim.ui.page import limits, page, static
+from bussim.ui.questions import Asked, Desk, SizeAsked
+from bussim.ui.running import Running
+from bussim.ui.workspace import Workspace
+from bussim.version import __version__
+from bussim.words.language import shown, use_language
+
+#: Reports and sizing pages that wait to be fetched.
+_WAITING = 8
+#: Where runs are written, in the workspace.
+_RUNS = "runs"
+
+_Kind = TypeVar("_Kind", bound=BaseModel)
+
+
+class _Empty(Strict):
+    pass
+
+
+class _Open(Strict):
+    id: Name
+
+
+class _Save(Asked):
+    target: Name
+    expected: Annotated[str, Field(max_length=64)] | None = None
+
+
+class _Run(Asked):
+    duration_s: Annotated[float, Field(gt=0, le=1e7)] | None = None
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] | None = None
+    trace: bool = True
+
+
+class _Stop(Strict):
+    id: Name
+
+
+class _Report(SizeAsked):
+    run: Name | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Above:
+    """What the page is given from above: the report on a run, the reader of a readout, its first text."""
+
+    report: Callable[..., Path]
+    site: Callable[[Path], Any]
+    example: str
+
+
+class Service:
+    """The addresses of the page and their answers.
+
+    ``end`` is called when the page asks for the end of the server.
+    """
+
+    def __init__(self, workspace: Workspace, above: Above, lang: str, end: Callable[[], None]) -> None:
+        self._desk, self._workspace, self._above = Desk(workspace), workspace, above
+        self._lang, self._stop_server = lang, end
+        self._beginning = CapacityLimiter(1)
+        self._waiting: dict[str, str] = {}
+        self._running: dict[str, Running] = {}
+        self._runs: dict[str, Path] = {}
+
+    def application(self, port: int, token: str) -> Guard:
+        """The application behind its guard."""
+        desk = self._desk
+        answers: dict[str, tuple[type[BaseModel], Callable[[Any], Any]]] = {
+            "hello": (_Empty, self._hello),
+            "check": (Asked, desk.check),
+            "edit": (Asked, desk.check),
+            "law": (Asked, desk.law),
+            "size": (SizeAsked, desk.size),
+            "refresh": (Asked, desk.refresh),
+            "counters": (CountersAsked, lambda asked: noise_of(asked, desk.line(asked), self._above.site)),
+            "list": (_Empty, lambda _: {"entries": self._workspace.listing()}),
+            "open": (_Open, lambda asked: self._workspace.read(self._workspace.path(asked.id))),
+            "save": (_Save, self._save),
+            "run/stop": (_Stop, self._stop),
+            "report": (_Report, self._report),
+            "quit": (_Empty, self._end),
+        }
+        routes = [
+            Route(f"/api/{name}", _answering(*each), methods=["POST"]) for name, each in answers.items()
+        ]
+        routes += [
+            Route("/api/run", self._run, methods=["POST"]),
+            Route("/", self._page),
+            Route("/static/{name}", self._static),
+            Route("/made/{key}", self._made),
+        ]
+        handlers = {404: _not_found, 405: _not_found, Exception: _failed}
+        return Guard(Starlette(routes=routes, exception_handlers=handlers), port, token)
+
+    async def _page(self, _: Request) -> Response:
+        return HTMLResponse(page(self._lang))
+
+    async def _static(self, request: Request) -> Response:
+        found = static(request.path_params["name"])
+        if found is None:
+            return await _not_found(request, KeyError())
+        text, kind = found
+        return Response(text, media_type=kind)
+
+    async def _made(self, request: Request) -> Response:
+        """A page made for printing, once: its address is known to nobody else, and its policy is its own."""
+        text = self._waiting.pop(request.path_params["key"], None)
+        if text is None:
+            return await _not_found(request, KeyError())
+        policy = "frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
+        return HTMLResponse(text, headers={"content-security-policy": policy})
+
+    def _hello(self, _: _Empty) -> dict[str, Any]:
+        workspace = self._workspace
+        opened = workspace.opened
+        example = {"text": self._above.example, "name": "", "id": None, "hash": None}
+        return {
+            "version": __version__,
+            "lang": self._lang,
+            **limits(),
+            "folder": str(workspace.folder),
+            "entries": workspace.listing(),
+            "opened": example if opened is None else workspace.read(opened),
+        }
+
+    def _save(self, asked: _Save) -> dict[str, Any]:
+        return self._workspace.save(asked.target, self._desk.line(asked).text, asked.expected)
+
+    def _stop(self, asked: _Stop) -> dict[str, Any]:
+        if asked.id not in self._running:
+            raise Refusal(400, "unknown_id", "no such run is under way")
+        self._running[asked.id].stop()
+        return {}
+
+    def _report(self, asked: _Report) -> dict[str, Any]:
+        if asked.run is None:
+            text = self._desk.printed(asked)
+        elif asked.run in self._runs:
+            with TemporaryDirectory() as folder:
+                made = self._above.report(self._runs[asked.run], out=Path(folder) / "report.html")
+                text = made.read_text(encoding="utf-8")
+        else:
+            raise Refusal(400, "unknown_id", "no such run was finished")
+        while len(self._waiting) >= _WAITING:
+            del self._waiting[next(iter(self._waiting))]
+        key = secrets.token_urlsafe(32)
+        self._waiting[key] = text
+        return {"url": f"/made/{key}"}
+
+    def _end(self, _: _Empty) -> dict[str, Any]:
+        self.close()
+        self._stop_server()
+        return {}
+
+    def close(self) -> None:
+        """Stop what still runs."""
+        for running in list(self._running.values()):
+            running.stop()
+
+    async def _run(self, request: Request) -> Response:
+        """Begin a simulation, and stream what it says, a line of JSON each."""
+        try:
+            asked = _read(_Run, await body_of(request))
+            key = await to_thread.run_sync(self._begin, asked, limiter=self._beginning)
+        except (Refusal, BussimError) as error:
+            return _refused(error)
+        return StreamingResponse(
+            self._said(key, self._running[key], asked.lang), media_type="application/x-ndjson"
+        )
+
+    def _begin(self, asked: _Run) -> str:
+        if self._running:
+            raise Refusal(429, "busy", "a simulation is under way")
+        changes: dict[str, object] = {}
+        if asked.duration_s is not None:
+            changes["duration"] = f"{asked.duration_s:g} s"
+        if asked.seed is not None:
+            changes["seed"] = asked.seed
+        text, files = edit(self._desk.line(asked).text, changes), dict(self._workspace.beside(asked.beside))
+        examine(text, files=files).get()
+        key = secrets.token_urlsafe(9)
+        folder = self._workspace.folder / _RUNS / "ui"
+        self._running[key] = Running(text, files, folder, trace=asked.trace)
+        return key
+
+    async def _said(self, key: str, running: Running, lang: str) -> AsyncIterator[str]:
+        """What a simulation says; a page that is gone stops it."""
+        events = running.events()
+        try:
+            yield _json({"event": "started", "id": key})
+            while (event := await to_thread.run_sync(next, events, None, abandon_on_cancel=True)) is not None:
+                if event["event"] == "finished":
+                    folder = Path(event["folder"])
+                    self._runs[key] = folder
+                    event |= {"id": key, **await to_thread.run_sync(finished, folder, lang)}
+                yield _json(event)
+        finally:
+            running.stop()
+            del self._running[key]
+
+
+def serve(workspace: Workspace, above: Above, lang: str, ready: Callable[[str], None]) -> None:
+    """Answer a page at 127.0.0.1 until it asks for the end, or Ctrl-C.
+
+    ``ready`` is called with the page's address, whose fragment has the token: it is never sent nor logged.
+    """
+    token = secrets.token_urlsafe(32)
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as listening:
+        listening.bind(("127.0.0.1", 0))
+        port = listening.getsockname()[1]
+
+        def end() -> None:
+            server.should_exit = True
+
+        service = Service(workspace, above, lang, end)
+        config = uvicorn.Config(
+            service.application(port, token),
+            log_config=None,  # it needs a console
+            access_log=False,
+            ws="none",
+            lifespan="off",
+            server_header=False,
+            proxy_headers=False,
+            timeout_graceful_shutdown=1,
+        )
+        server = uvicorn.Server(config)
+        listening.listen(128)
+        ready(f"http://127.0.0.1:{port}/#{token}")
+        threading.Thread(target=_warm, args=(above.example,), daemon=True).start()
+        try:
+            server.run(sockets=[listening])
+        finally:
+            service.close()
+
+
+def _warm(example: str) -> None:
+    """Import what the first answers need, while the browser begins."""
+    exact(examine(example).get(), refresh=False)
+
+
+def _answering(kind: type[BaseModel], answer: Callable[[Any], Any]) -> Callable[[Request], Any]:
+    """An endpoint: JSON of a kind to JSON, one at a time in a thread."""
+    limiter = CapacityLimiter(1)
+
+    async def answered(request: Request) -> Response:
+        begun = anyio.current_time()
+        try:
+            asked = _read(kind, await body_of(request))
+            found = await to_thread.run_sync(answer, asked, limiter=limiter)
+            if isinstance(asked, Asked):
+                with use_language(asked.lang):
+                    found = shown(found)
+        except (Refusal, BussimError) as error:
+            return _refused(error)
+        spent = 1000 * (anyio.current_time() - begun)
+        return Response(
+            _json(found), media_type="application/json", headers={"server-timing": f"answer;dur={spent:.1f}"}
+        )
+
+    return answered
+
+
+def _read(kind: type[_Kind], data: Any) -> _Kind:
+    try:
+        return kind.model_validate(data)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False, include_context=False)[0]
+        where = ".".join(map(str, first["loc"]))
+        raise Refusal(400, "body", f"{where}: {first['msg']}", {"field": where}) from None
+
+
+def _refused(error: Refusal | BussimError) -> Response:
+    if isinstance(error, ScenarioError):
+        problems = [
+            {
+                "line": each.line,
+                "column": each.column,
+                "path": each.path,
+                "field": field_of(each.path),
+                "message": each.message,
+            }
+            for each in error.problems
+        ]
+        error = Refusal(400, "mistakes", str(error), {"problems": problems})
+    elif not isinstance(error, Refusal):
+        error = Refusal(400, "refused" if isinstance(error, UsageError) else "failed", str(error))
+    return error.response
+
+
+async def _not_found(_: Request, __: Exception) -> Response:
+    return Refusal(404, "no_address", "there is no such address").response
+
+
+async def _failed(_: Request, error: Exception) -> Response:
+    return Refusal(500, "fault", f"a mistake of bussim itself: {type(error).__name__}: {error}").response
+
+
+def _json(data: Any) -> str:
+    return json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")) + "\n"

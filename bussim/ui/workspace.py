@@ -1,0 +1,128 @@
+"""The one folder that the page may read scenarios from and write them to, by numbers of its listing."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Iterator, Mapping
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from bussim.errors import RunError, UsageError
+from bussim.files import written_whole
+from bussim.scenario import builtin
+from bussim.scenario.yaml.parser import MAX_BYTES
+from bussim.ui.guard import Refusal
+
+#: Files that are listed, and the most bytes of one that a scenario names.
+_MOST_FILES, _MOST_NAMED = 500, 4 * 1024 * 1024
+_NAME = re.compile(r"[^\\/:*?\"<>|\x00-\x1f\x7f.][^\\/:*?\"<>|\x00-\x1f\x7f]{0,99}\.ya?ml", re.IGNORECASE)
+
+
+class Workspace:
+    """A folder with scenarios. ``opened`` is the scenario that the page begins with, None for the example."""
+
+    def __init__(self, folder: Path, opened: Path | None = None) -> None:
+        self.folder = folder.resolve()
+        self.opened = opened
+        self._listed: dict[str, Path] = {}
+        self._numbers = itertools.count(1)
+
+    def listing(self) -> list[dict[str, str]]:
+        """The scenarios of the folder and those that come with bussim; the ids are of this listing on."""
+        found = sorted(
+            path for path in self.folder.iterdir() if self._plain(path) and _NAME.fullmatch(path.name)
+        )
+        rows = [{"id": self.number(path), "name": path.name, "kind": "file"} for path in found[:_MOST_FILES]]
+        for name, title in [(name, builtin.title(name)) for name in builtin.names()]:
+            path = builtin.folder() / f"{name}.yaml"
+            rows.append({"id": self.number(path), "name": name, "kind": "built-in", "about": title})
+        return rows
+
+    def number(self, path: Path) -> str:
+        """The id of a path, the same whenever it is listed."""
+        known = next((key for key, each in self._listed.items() if each == path), None)
+        key = known or str(next(self._numbers))
+        self._listed[key] = path
+        return key
+
+    def path(self, key: str) -> Path:
+        """The path of an id. Raises Refusal for one that no listing has."""
+        if key not in self._listed:
+            raise Refusal(400, "unknown_id", "the list has no such entry; look at it again")
+        return self._listed[key]
+
+    def read(self, path: Path) -> dict[str, Any]:
+        """A scenario's text, its name, its id and its hash. Raises Refusal for what cannot be read."""
+        try:
+            with path.open("rb") as file:
+                raw = file.read(MAX_BYTES + 1)
+            text = raw.decode("utf-8")
+        except (OSError, UnicodeDecodeError):
+            raise Refusal(400, "unreadable", f"{path.name} cannot be read as text") from None
+        if len(raw) > MAX_BYTES:
+            raise Refusal(413, "too_large", f"a scenario has at most {MAX_BYTES:,} bytes")
+        own = path.parent == self.folder
+        return {"text": text, "name": path.name, "id": self.number(path), "hash": _hash(raw) if own else None}
+
+    def save(self, name: str, text: str, expected: str | None) -> dict[str, Any]:
+        """Write a scenario whose file still is what the page has read (``expected``, None: is not there).
+
+        Raises Refusal for a name that is none of a YAML file here, 409 where the file is another one.
+        """
+        path = self.folder / name
+        if not _NAME.fullmatch(name) or (path.is_symlink() and not self._plain(path)):
+            raise Refusal(400, "name", "a file's name here is plain and ends in .yaml", {"name": name})
+        found = _hash(path.read_bytes()) if path.exists() else None
+        if found != expected:
+            raise Refusal(409, "conflict", f"{name} was changed by another program", {"name": name})
+        raw = text.encode("utf-8")
+        try:
+            with written_whole(path) as part:
+                part.write_bytes(raw)
+        except (UsageError, RunError) as error:
+            raise Refusal(400, "unwritable", str(error), {"name": name}) from error
+        return {"name": name, "id": self.number(path), "hash": _hash(raw), "text": text}
+
+    def beside(self, key: str | None) -> Mapping[str, bytes]:
+        """The files that the scenario of an id may name: those beside it; those here without an id."""
+        return Beside(self.folder if key is None else self.path(key).parent)
+
+    def _plain(self, path: Path) -> bool:
+        """Whether it is a plain file that no link leads out of the folder."""
+        return path.is_file() and path.resolve().is_relative_to(self.folder)
+
+
+class Beside(Mapping[str, bytes]):
+    """The plain files of a folder by name, read when asked for; no name or link leads out of it."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder.resolve()
+
+    def __getitem__(self, name: str) -> bytes:
+        path = self._folder / name
+        try:
+            if Path(name).name == name and path.is_file() and path.resolve().parent == self._folder:
+                with path.open("rb") as file:
+                    return file.read(_MOST_NAMED)
+        except (OSError, ValueError):
+            pass
+        raise KeyError(name)
+
+    def __iter__(self) -> Iterator[str]:
+        names = (path.name for path in itertools.islice(self._folder.iterdir(), _MOST_FILES))
+        return (name for name in names if name in self)
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Beside) and other._folder == self._folder
+
+    def __hash__(self) -> int:
+        return hash(self._folder)
+
+
+def _hash(raw: bytes) -> str:
+    return sha256(raw).hexdigest()

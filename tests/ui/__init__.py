@@ -1,0 +1,1 @@
+"""The page of `bussim ui` and its server."""
