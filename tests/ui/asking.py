@@ -45,7 +45,9 @@ class Page:
 
     def __init__(self, folder: Path, opened: Path | None = None) -> None:
         self.ended = False
-        service = Service(Workspace(folder, opened), Above(report, site, EXAMPLE), "en", self._end)
+        self.service = service = Service(
+            Workspace(folder, opened), Above(report, site, EXAMPLE), "en", self._end
+        )
         self.client = Client(service.application(PORT, TOKEN))
 
     def _end(self) -> None:

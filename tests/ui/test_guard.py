@@ -120,6 +120,7 @@ def test_no_more_is_read_than_is_allowed_whatever_the_length_says(page: Page) ->
     assert (response.status_code, response.json()["error"]["key"]) == (413, "too_large")
 
 
+@pytest.mark.slow
 def test_the_real_server_listens_at_this_computer_alone_and_prints_its_address_first(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "bussim", "ui", "--no-browser", "--folder", str(tmp_path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:

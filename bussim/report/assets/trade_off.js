@@ -47,7 +47,7 @@ charts.ofSetting = (view) => {
         cursor: { drag: { x: false, y: false } },
         scales: { x: { time: false, range: () => this.whole }, y: { distr: 3, log: 10, range: () => [FLOOR, 1e9] } },
         axes: [axis(view.word(view.kind("trade.x")), { values: plain }),
-          axis(view.word(view.kind("trade.y")), { size: 76, values: decades, splits: () => [1e-9, 1e-6, 1e-3, 1, 1e3, 1e6, 1e9], filter: (u, all) => all })],
+          axis(view.word(view.kind("trade.y")), { size: 88, values: decades, splits: () => [1e-9, 1e-6, 1e-3, 1, 1e3, 1e6, 1e9], filter: (u, all) => all })],
         series: [{}, { paths: () => null, points: { show: false } }],
         hooks: { draw: [(u) => this.points(u)] },
       };

@@ -447,7 +447,7 @@
   const FAN = [["quiet", "--simulated"], ["typical", "--fault"], ["bad", "--error"]];
   const curves = () => {
     const found = noiseUnknown()
-      ? law.fan.map((each, place) => ({ law: each.law, colour: css(FAN[place][1]), label: word(`level.${each.level}`, { value: oneIn(each.ber) }) }))
+      ? law.fan.map((each, place) => ({ law: each.law, colour: css(FAN[place][1]), label: word("level", { level: each.level, value: each.ber < 1e-6 ? (1 / each.ber).toExponential(0).replace("+", "") : oneIn(each.ber) }) }))
       : [{ law: law.law, colour: css("--law"), label: "" }];
     if (kept) found.unshift({ law: kept.law, colour: css("--soft"), label: word("kept_curve") });
     return found;
