@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Any, Literal, assert_never, cast
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -15,7 +15,7 @@ from bussim.exact.link import TIMEOUT_UNIT
 from bussim.line.protocols import BusProtocol
 from bussim.plc.link_registers import D_MODE, D_RETRIES, D_SLAVES, D_TIMEOUT, setting_values
 from bussim.scenario.loader import Examined
-from bussim.scenario.model import BitErrors, Burst, Plc, Scenario
+from bussim.scenario.model import BitErrors, Burst, Impulse, Plc, ReplyLoss, Scenario
 from bussim.scenario.yaml.edit import edit
 from bussim.scenario.yaml.parser import read
 from bussim.scenario.yaml.plain import copied
@@ -293,12 +293,17 @@ def _noise_of(line: Line, data: Data) -> dict[str, Any]:
     if not entries:
         return {"kind": "unknown"}
     (kind, *more) = (each.kind for each in line.scenario.noise if each.target.bus == line.bus)
-    if _simple(entries[0]) and not more:
-        if isinstance(kind, BitErrors):
-            return {"kind": "ber", "ber": kind.ber}
-        if isinstance(kind, Burst):
-            return {"kind": "burst", "ber": kind.ber_bad, "good": _ms(kind.good), "bad": _ms(kind.bad)}
-    return {"kind": "file", "entries": len(entries)}
+    if more or not _simple(entries[0]):
+        return {"kind": "file"}
+    match kind:
+        case BitErrors(ber):
+            return {"kind": "ber", "ber": ber}
+        case Burst(good, bad, _, ber):
+            return {"kind": "burst", "ber": ber, "good": _ms(good), "bad": _ms(bad)}
+        case Impulse() | ReplyLoss():
+            return {"kind": "file"}
+        case _:
+            assert_never(kind)
 
 
 def _simple(entry: Data) -> bool:
