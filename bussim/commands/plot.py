@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from bussim.commands.common.output import check_pictures, print_files
+from bussim.commands.common.scenario_options import lang_option
 from bussim.errors import UsageError
 from bussim.files import made_folder
 
@@ -39,6 +40,7 @@ _ABOUT = {"bus": "link scans", "port": "response times", "latency": "latencies"}
     help="Histogram of link scan times, scan times over the run with its faults, histograms of the "
     "response times of Modbus masters, or latencies with their bounds and what they are made of.",
 )
+@lang_option
 @click.option("--bus", metavar="NAME", help="Only this N:N link (default: every one).")
 @click.option(
     "--port", metavar="NODE", help="Only this Modbus master, such as press1.COM3 (default: every one)."

@@ -18,6 +18,7 @@ from bussim.sim.wire.line import Line
 from bussim.sim.wire.node import Node
 from bussim.trace.records import IN_RUN, IN_STOP, LEFT_RUN, WITHOUT_SUPPLY, NoteRecord, Sink
 from bussim.units import format_time
+from bussim.words.language import say
 
 Undo = Callable[[int], None]
 
@@ -89,8 +90,10 @@ class FaultPlan:
     def _beginning(self, fault: model.Fault) -> Undo:
         def begin(now: int) -> None:
             duration = fault.window.duration
-            lasting = f" for {format_time(duration)}" if duration is not None else ""
-            self._note(now, "fault", fault, f"{describe(fault.kind)}{lasting}")
+            text = describe(fault.kind)
+            if duration is not None:
+                text = say("fault_for", fault=text, time=format_time(duration))
+            self._note(now, "fault", fault, text)
             undo = self._begin(fault, now)
             until = fault.window.until
             if until is not None and undo is not None:
@@ -294,32 +297,34 @@ def describe(kind: fault_kinds.FaultKind) -> str:
     """A fault in a few words, for labels."""
     match kind:
         case fault_kinds.PowerOff(plc):
-            return f"{plc} without supply"
+            return say("fault_power_off", plc=plc)
         case fault_kinds.Stop(plc):
-            return f"{plc} in STOP"
+            return say("fault_stop", plc=plc)
         case fault_kinds.DropReply(plc, count):
-            return f"{plc}: {'all' if count is None else count} replies dropped"
+            if count is None:
+                return say("fault_drop_all", plc=plc)
+            return say("fault_drop", plc=plc, count=count)
         case fault_kinds.Slow(plc, extra):
-            return f"{plc} slow by {format_time(extra)}"
+            return say("fault_slow", plc=plc, time=format_time(extra))
         case fault_kinds.Jabber(plc):
-            return f"{plc} jabbers"
+            return say("fault_jabber", plc=plc)
         case fault_kinds.CableCut(_, after):
-            return f"cable cut behind {after}"
+            return say("fault_cut", after=after)
         case fault_kinds.WrongFormat(plc, timing):
-            return f"{plc} at {timing.baud} {timing.format}"
+            return say("fault_format", plc=plc, format=f"{timing.baud} {timing.format}")
         case fault_kinds.ClockPpm(plc, ppm):
-            return f"{plc} clock off by {float(ppm):g} ppm"
+            return say("fault_clock", plc=plc, ppm=f"{float(ppm):g}")
         case fault_kinds.LateRelease(plc, by):
-            return f"{plc} releases its driver {format_time(by)} late"
+            return say("fault_release", plc=plc, time=format_time(by))
         case fault_kinds.LoseChar(plc):
-            return f"{plc} loses characters"
+            return say("fault_lose", plc=plc)
         case fault_kinds.InsertChar(plc):
-            return f"{plc} inserts characters"
+            return say("fault_insert", plc=plc)
         case fault_kinds.Pause(plc, by):
-            return f"{plc} pauses for {format_time(by)} inside frames"
+            return say("fault_pause", plc=plc, time=format_time(by))
         case fault_kinds.FlipBits(plc):
-            return f"{plc}: chosen bits inverted"
+            return say("fault_bits", plc=plc)
         case fault_kinds.BoardError(plc, port, code):
-            return f"{plc}: board error {code:02d} on {port}"
+            return say("fault_board", plc=plc, code=f"{code:02d}", port=port)
         case _:
             assert_never(kind)

@@ -21,7 +21,7 @@ from bussim.commands.common.scenario_options import code_option, lang_option, se
 from bussim.commands.size.uniform_link import DEFAULT_PROFILE, DEFAULT_SCAN, uniform_link
 from bussim.errors import RunError, UsageError
 from bussim.files import made_folder
-from bussim.words.language import current_language
+from bussim.words.language import current_language, say
 
 if TYPE_CHECKING:
     from bussim.commands.size.verify import Verification
@@ -260,7 +260,7 @@ def _write(
                 *([(points.riding_from(goals.ride) / TICKS_PER_MS, math.inf)] if goals.ride else []),
             ],
             goals=[
-                f"{words}{' (has no band)' if name in ('scan', 'heartbeat') else ''}"
+                say("plot_no_band", goal=words) if name in ("scan", "heartbeat") else words
                 for name, words in goals.texts().items()
             ],
             more=bool(sizing.model.dead),

@@ -12,7 +12,9 @@ from matplotlib.ticker import MaxNLocator
 
 from bussim.results.meters.histogram import BIN_TICKS, Histogram, bar_width
 from bussim.results.plots.style import RUNS
+from bussim.results.text.lines import number_named
 from bussim.units import milliseconds
+from bussim.words.language import said_text
 
 _MOST_BARS, _FEW_BARS = 160, 20
 #: Marks are apart where at least this part of the axis lies between them.
@@ -96,7 +98,7 @@ def draw(
             colour = "black" if alone else RUNS[number]
             axes.axvline(milliseconds(value), low, high, color=colour, linestyle=MARKS[name], linewidth=1.2)
     axes.set_xlabel(times)
-    axes.set_ylabel(f"{counted} per {_width_text(width)}")
+    axes.set_ylabel(said_text("axis_per", counted=counted, width=_width_text(width)))
 
 
 def _draw_bars(axes: Axes, bars: dict[int, int], width: int, colour: str, *, alone: bool) -> None:
@@ -117,9 +119,12 @@ def marked(histogram: Histogram) -> dict[str, float]:
     return {name: value for name, value in values.items() if value is not None}
 
 
-def marks_in_words(histogram: Histogram) -> str:
-    """What is marked of a histogram as text: ``mean 50.4 ms, max 51.1 ms``."""
-    return ", ".join(f"{name} {ms_text(value)}" for name, value in marked(histogram).items())
+def marks_in_words(histogram: Histogram) -> dict[str, str]:
+    """What is marked of a histogram as text: ``mean 50.4 ms``, ``max 51.1 ms``."""
+    return {
+        name: said_text("plot_mark", name=number_named(name), time=ms_text(value))
+        for name, value in marked(histogram).items()
+    }
 
 
 def legend_of_marks(texts: Mapping[str, str]) -> list[Line2D]:

@@ -11,12 +11,13 @@ from bussim.results.plots.style import (
     DISTRIBUTION,
     SIMULATED,
     Picture,
+    drawn,
     finish_picture,
     new_picture,
     style,
 )
 from bussim.units import TICKS_PER_MS
-from bussim.wording import counted
+from bussim.words.language import said_text
 
 Floats = NDArray[np.float64]
 
@@ -24,6 +25,7 @@ Floats = NDArray[np.float64]
 _LEAST = 5
 
 
+@drawn
 def distribution_and_histogram(
     bus: str, x: Floats, tail: Floats, simulated: Histogram | None, description: str, lowest: float
 ) -> Picture:
@@ -35,12 +37,12 @@ def distribution_and_histogram(
     with style():
         axes = picture.subplots()
         axes.plot(x / TICKS_PER_MS, tail, color=DISTRIBUTION, linewidth=1.6, zorder=3)
-        handles = [Line2D([], [], color=DISTRIBUTION, label="exact law")]
+        handles = [Line2D([], [], color=DISTRIBUTION, label=said_text("plot_law"))]
         if simulated is not None and simulated.count:
             times, share = _frequencies(simulated)
             axes.step(times / TICKS_PER_MS, share, where="post", color=SIMULATED, linewidth=4)
             # Broad, for where both agree the distribution lies over it.
-            label = f"simulated, {counted(simulated.count, 'link scan')} (points of at least {_LEAST})"
+            label = said_text("plot_simulated", scans=simulated.count, least=_LEAST)
             handles.append(Line2D([], [], color=SIMULATED, linewidth=4, label=label))
         axes.set_yscale("log")
         axes.set_ylim(lowest, 1.5)
@@ -49,9 +51,9 @@ def distribution_and_histogram(
             left, right = shown[0] / TICKS_PER_MS, shown[-1] / TICKS_PER_MS
             margin = 0.03 * max(right - left, 0.1)
             axes.set_xlim(left - margin, right + margin)
-        axes.set_xlabel("link scan time x (ms)")
-        axes.set_ylabel("P(link scan > x)")
-        finish_picture(picture, f"Link scan time on {bus}", handles)
+        axes.set_xlabel(said_text("axis_scan_x"))
+        axes.set_ylabel(said_text("axis_over_x"))
+        finish_picture(picture, said_text("plot_law_heading", bus=bus), handles)
     return picture
 
 

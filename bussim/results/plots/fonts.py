@@ -11,6 +11,7 @@ from matplotlib.font_manager import FontProperties, findfont, findSystemFonts, f
 from matplotlib.text import Text
 
 from bussim.wording import shorten
+from bussim.words.language import current_language
 
 #: Comes with matplotlib: the same picture everywhere.
 FONT = "DejaVu Sans"
@@ -22,6 +23,23 @@ _CJK = (
 #: A font of matplotlib's that has an empty box for every character.
 _BOXES = "Last Resort High-Efficiency"
 _TOLD: list[str] = []
+
+
+def drawable_language() -> str:
+    """The language that is used, as far as a font of this machine has its characters; English else.
+
+    One note on standard error says so.
+    """
+    lang = current_language()
+    if lang == "en" or any(family in _CJK for family, _ in _others()):
+        return lang
+    if not _TOLD:
+        _TOLD.append(lang)
+        sys.stderr.write(
+            "note: no font for Chinese is known by its name on this machine; pictures are in English. Any of "
+            f"these would do: {', '.join(_CJK)}\n"
+        )
+    return "en"
 
 
 def use_fonts(texts: Iterable[Text]) -> None:

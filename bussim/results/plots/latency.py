@@ -17,9 +17,7 @@ from bussim.results.plots.bars import (
     draw,
     is_far,
     legend_of_marks,
-    marked,
     marks_in_words,
-    ms_text,
     usual_range,
     whole_range,
 )
@@ -30,6 +28,7 @@ from bussim.results.plots.style import (
     PARTS_OF_LATENCY,
     RUNS,
     Picture,
+    drawn,
     finish_picture,
     legend_of_runs,
     new_picture,
@@ -40,17 +39,19 @@ from bussim.results.plots.style import (
 from bussim.results.run_record import RunRecord
 from bussim.results.text.latency import (
     bounds_in_words,
+    case_in_words,
     caveats,
     counts_in_words,
     part_names,
     shown_bounds,
 )
 from bussim.units import TICKS_PER_MS, milliseconds
+from bussim.words.language import said_text, shown
 
 #: Longest label of a run beside its bars.
 _LONGEST_LABEL = 22
 #: The columns of a picture where a few latencies lie far from the others.
-_USUAL, _ALL = "the usual ones", "all"
+_USUAL, _ALL = "plot_usual", "plot_all"
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +81,7 @@ def latency_of(run: RunRecord, name: str) -> LatencyRecord:
     return record
 
 
+@drawn
 def latency_picture(runs: Sequence[RunRecord], name: str, labels: Sequence[str] | None = None) -> Picture:
     """One entry's histogram, and below it, on the same axis, latencies in their parts.
 
@@ -104,23 +106,23 @@ def latency_picture(runs: Sequence[RunRecord], name: str, labels: Sequence[str] 
     handles = _explain(records, several, marks)
     with style():
         picture = new_picture(8, _height(len(bars), several), captions(runs))
-        what = "age (ms)" if records[0].word else "latency (ms)"
-        counted = "readings" if records[0].word else "changes"
-        shown = _shown(histograms, marks)
+        what = said_text("axis_age" if records[0].word else "axis_latency")
+        counted = said_text("axis_readings" if records[0].word else "axis_changes")
+        columns = _shown(histograms, marks)
         first, furthest = whole_range(histograms)
         grid = picture.subplots(
             2,
-            len(shown),
+            len(columns),
             sharex="col",
             squeeze=False,
             height_ratios=(3, 0.5 * len(bars)),
-            width_ratios=(2, 3)[-len(shown) :],
+            width_ratios=(2, 3)[-len(columns) :],
         )
-        for (axes, stack), (title, last) in zip(grid.T.tolist(), shown.items(), strict=True):
-            if title == _ALL and len(shown) > 1:
+        for (axes, stack), (title, last) in zip(grid.T.tolist(), columns.items(), strict=True):
+            if title == _ALL and len(columns) > 1:
                 axes.set_yscale("log")
             draw(axes, histograms, (first, min(last, furthest)), what, counted)
-            if title == _ALL and len(shown) > 1:
+            if title == _ALL and len(columns) > 1:
                 axes.set_ylim(bottom=0.6)
             axes.set_xlabel("")
             axes.tick_params(axis="x", labelbottom=False)
@@ -130,17 +132,17 @@ def latency_picture(runs: Sequence[RunRecord], name: str, labels: Sequence[str] 
             for mark in marks:
                 for each in (axes, stack) if mark.dash else ():
                     each.axvline(mark.at, color=mark.colour, linewidth=mark.width, linestyle=mark.dash)
-            if len(shown) > 1:
-                axes.set_title(title, fontsize=9)
+            if len(columns) > 1:
+                axes.set_title(said_text(title), fontsize=9)
                 axes.locator_params(axis="x", nbins=5)
-        if len(shown) > 1:
+        if len(columns) > 1:
             grid[1, 1].tick_params(axis="y", labelleft=False)
         if several is None:
-            words = picture.wrapped(counts_in_words(runs[0].summary["latency"][name]), 9, 7)
-            grid[0, 0].set_title(words if len(shown) == 1 else f"{words}\n{_USUAL}", fontsize=9)
+            words = picture.wrapped(shown(counts_in_words(runs[0].summary["latency"][name])), 9, 7)
+            grid[0, 0].set_title(words if len(columns) == 1 else f"{words}\n{said_text(_USUAL)}", fontsize=9)
         heading = _heading(name, records)
         if several is None:
-            heading = f"{runs[0].scenario}: {heading}"
+            heading = said_text("plot_latency", run=runs[0].scenario, heading=heading)
         finish_picture(picture, heading, handles, columns=2 if several is None else 1)
     return picture
 
@@ -158,8 +160,11 @@ def _height(bars: int, several: Sequence[str] | None) -> float:
 
 
 def _heading(name: str, records: Sequence[LatencyRecord]) -> str:
-    ends = list(dict.fromkeys(f"{record.source} to {record.target}" for record in records))
-    return name if name == ends[0] or len(ends) > 1 else f"{name}, {ends[0]}"
+    ends = list(dict.fromkeys((record.source, record.target) for record in records))
+    if len(ends) > 1:
+        return name
+    said = said_text("latency_ends", start=ends[0][0], end=ends[0][1])
+    return said if name == " to ".join(ends[0]) else said_text("plot_latency_ends", name=name, ends=said)
 
 
 def _marks_of_one(record: LatencyRecord, summary: Mapping[str, object]) -> list[_Mark]:
@@ -167,10 +172,13 @@ def _marks_of_one(record: LatencyRecord, summary: Mapping[str, object]) -> list[
     far = {case: bound for case, bound in bounds_in_words(summary).items() if case not in near}
     return [
         *(
-            _bound_mark(case, bound, "", DISTRIBUTION, "-", 1 if number else 2)
+            _bound_mark(case_in_words(case), bound, "plot_bound", DISTRIBUTION, "-", 1 if number else 2)
             for number, (case, bound) in enumerate(near.items())
         ),
-        *(_bound_mark(case, bound, ", beyond this axis", DISTRIBUTION, "", 0) for case, bound in far.items()),
+        *(
+            _bound_mark(case_in_words(case), bound, "plot_bound_beyond", DISTRIBUTION, "", 0)
+            for case, bound in far.items()
+        ),
         *_caveats([summary]),
     ]
 
@@ -180,10 +188,20 @@ def _marks_of_several(summaries: Sequence[Mapping[str, object]]) -> list[_Mark]:
     bounds = [next(iter(shown_bounds(summary).items()), None) for summary in summaries]
     numbers = {number: bound for number, bound in enumerate(bounds) if bound is not None}
     if len(set(bounds)) == 1:
-        marks = [_bound_mark(*bound, "", GREY, "-.", 1.2) for bound in list(numbers.values())[:1]]
+        marks = [
+            _bound_mark(case_in_words(case), at, "plot_bound", GREY, "-.", 1.2)
+            for case, at in list(numbers.values())[:1]
+        ]
     else:
         marks = [
-            _bound_mark(f"{case} ({number + 1})", at, "", RUNS[number], "-.", 1.2)
+            _bound_mark(
+                said_text("plot_case_of", case=case_in_words(case), number=number + 1),
+                at,
+                "plot_bound",
+                RUNS[number],
+                "-.",
+                1.2,
+            )
             for number, (case, at) in numbers.items()
         ]
     return marks + _caveats(summaries)
@@ -192,13 +210,13 @@ def _marks_of_several(summaries: Sequence[Mapping[str, object]]) -> list[_Mark]:
 def _caveats(summaries: Sequence[Mapping[str, object]]) -> list[_Mark]:
     """Lines of text: what must be said beside the bounds, each once."""
     found = dict.fromkeys(said for summary in summaries for said in caveats(summary))
-    return [_Mark(0.0, said, DISTRIBUTION, "", 0) for said in found]
+    return [_Mark(0.0, shown(said), DISTRIBUTION, "", 0) for said in found]
 
 
 def _bound_mark(
-    case: str, at: float, more: str, colour: str, dash: Literal["-", "-.", ""], width: float
+    case: str, at: float, key: str, colour: str, dash: Literal["-", "-.", ""], width: float
 ) -> _Mark:
-    return _Mark(at, f"at worst with {case}: {at:.3f} ms{more}", colour, dash, width)
+    return _Mark(at, said_text(key, case=case, at=at), colour, dash, width)
 
 
 def _bars(
@@ -207,11 +225,15 @@ def _bars(
     """What is shown in its parts, from above to below: what it is called and the ticks of each part."""
     bars: list[tuple[str, Sequence[float]]] = []
     for number, record in enumerate(records):
-        of = f"{shorten(labels[number], _LONGEST_LABEL)}: " if labels is not None else ""
         rows = record.examples()
         if labels is not None:
             rows.pop("shortest", None)
-        bars += [(f"{of}{what}", parts) for what, parts in rows.items()]
+        for what, parts in rows.items():
+            text = said_text(f"example_{what}")
+            if labels is not None:
+                label = shorten(labels[number], _LONGEST_LABEL)
+                text = said_text("plot_of_run", label=label, text=text)
+            bars.append((text, parts))
     return bars
 
 
@@ -233,16 +255,21 @@ def _explain(
 ) -> list[Patch | Line2D]:
     names = part_names(word=records[0].word)
     handles: list[Patch | Line2D] = [
-        Patch(color=PARTS_OF_LATENCY[name], linewidth=0, label=names[name])
+        Patch(color=PARTS_OF_LATENCY[name], linewidth=0, label=shown(names[name]))
         for name in PARTS
         if any(record.parts[name][1] for record in records)
     ]
     if labels is None:
-        values = marked(records[0].histogram).items()
-        handles += legend_of_marks({name: f"{name} {ms_text(value)}" for name, value in values})
+        handles += legend_of_marks(marks_in_words(records[0].histogram))
     else:
-        what = "readings" if records[0].word else "arrived"
-        texts = [f"{record.delivered:,} {what}, {marks_in_words(record.histogram)}" for record in records]
+        texts = [
+            said_text(
+                "plot_read" if record.word else "plot_arrived",
+                number=record.delivered,
+                marks=list(marks_in_words(record.histogram).values()),
+            )
+            for record in records
+        ]
         handles += legend_of_runs([f"{number} {label}" for number, label in enumerate(labels, 1)], texts)
     return handles + [
         Line2D([], [], color=mark.colour, linewidth=mark.width, linestyle=mark.dash, label=mark.text)

@@ -19,6 +19,7 @@ from bussim.results.plots.style import (
     LOST,
     SIMULATED,
     Picture,
+    drawn,
     finish_picture,
     new_picture,
     shorten,
@@ -27,7 +28,8 @@ from bussim.results.plots.style import (
 from bussim.results.run_record import RunRecord
 from bussim.results.text.run import caption_of, lost_in_words
 from bussim.units import TICKS_PER_SECOND, milliseconds, seconds
-from bussim.wording import counted
+from bussim.words.language import said_text, shown
+from bussim.words.tables import recognised
 
 #: Most lines of faults; the others share one.
 _MOST_FAULTS = 10
@@ -42,6 +44,7 @@ class _Lane:
     colour: str
 
 
+@drawn
 def scan_times_over_run(run: RunRecord, bus: str) -> Picture:
     """A bus's link scan times over the run; below them faults, stations in error, times without the master.
 
@@ -66,9 +69,9 @@ def scan_times_over_run(run: RunRecord, bus: str) -> Picture:
         for colour in dict.fromkeys(lane.colour for lane in lanes):
             for start, stop in _covered((lane for lane in lanes if lane.colour == colour), end):
                 axes.axvspan(start, stop, color=colour, alpha=0.12, linewidth=0)
-        lowest.set_xlabel("time of the run (s)")
+        lowest.set_xlabel(said_text("axis_run"))
         axes.set_xlim(0, end)
-        heading = f"{run.scenario}: link scan time on {bus} over the run"
+        heading = said_text("plot_over_run", run=run.scenario, bus=bus)
         finish_picture(picture, heading, [*handles, *_explain(lanes)])
     return picture
 
@@ -89,17 +92,17 @@ def _draw_scans(axes: Axes, link: LinkRecord) -> list[Line2D]:
             alpha=0.5,
         )
     axes.plot(starts, longest, linestyle="", marker=".", markersize=3, color=colour)
-    axes.set_ylabel("link scan time (ms)")
+    axes.set_ylabel(said_text("axis_scan_time"))
     most = max(cell.scans for cell in cells)
-    text = "a link scan" if most == 1 else f"longest and shortest of up to {most} neighbouring link scans"
+    text = said_text("plot_one_scan") if most == 1 else said_text("plot_neighbours", number=most)
     return [Line2D([], [], color=colour, linestyle="", marker=".", label=text)]
 
 
 def _explain(lanes: Iterable[_Lane]) -> list[Patch]:
     texts = {
-        FAULT: "a fault acts",
-        IN_ERROR: "the master has a station in error",
-        LOST: "no master: no link scan, or not received",
+        FAULT: said_text("plot_fault"),
+        IN_ERROR: said_text("plot_in_error"),
+        LOST: said_text("plot_lost"),
     }
     return [
         Patch(color=colour, alpha=0.6, linewidth=0, label=texts[colour])
@@ -139,11 +142,11 @@ def _fault_lanes(run: RunRecord, link: LinkRecord, bus: str) -> list[_Lane]:
     """Faults of the bus and of its PLCs, those with the same text on one line."""
     lanes: dict[str, list[Span]] = {}
     for text, span in fault_spans(run.notes, {bus, *link.plc_names}):
-        lanes.setdefault(text, []).append(span)
+        lanes.setdefault(shown(recognised(text)), []).append(span)
     if len(lanes) > _MOST_FAULTS:
         rest = list(lanes)[_MOST_FAULTS - 1 :]
         merged = [span for text in rest for span in lanes.pop(text)]
-        lanes[counted(len(rest), "other fault")] = merged
+        lanes[said_text("plot_other_faults", number=len(rest))] = merged
     return [_Lane(text, spans, FAULT) for text, spans in lanes.items()]
 
 
@@ -155,9 +158,12 @@ def _lost_lanes(lost: Iterable[Mapping[str, Any]]) -> list[_Lane]:
             round(each["from_s"] * TICKS_PER_SECOND),
             round((each["from_s"] + each["for_s"]) * TICKS_PER_SECOND),
         )
-        lanes.setdefault(lost_in_words(each["stations"]), []).append(span)
+        lanes.setdefault(shown(lost_in_words(each["stations"])), []).append(span)
     return [_Lane(text, spans, LOST) for text, spans in lanes.items()]
 
 
 def _error_lanes(link: LinkRecord) -> list[_Lane]:
-    return [_Lane(f"station {station} in error", spans, IN_ERROR) for station, spans in link.in_error.items()]
+    return [
+        _Lane(said_text("station_in_error", station=station), spans, IN_ERROR)
+        for station, spans in link.in_error.items()
+    ]

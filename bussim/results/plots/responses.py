@@ -17,6 +17,7 @@ from bussim.results.plots.scan_times import captions, run_labels
 from bussim.results.plots.style import (
     IN_ERROR,
     Picture,
+    drawn,
     finish_picture,
     legend_of_runs,
     new_picture,
@@ -24,14 +25,14 @@ from bussim.results.plots.style import (
     too_many,
 )
 from bussim.results.run_record import RunRecord
+from bussim.results.text.lines import number_named
 from bussim.units import format_ms, milliseconds
-from bussim.wording import counted
+from bussim.words.language import said_text, shown
 
 #: Most panels; the polls with the fewest attempts share the last one.
 _MOST_PANELS = 8
 #: A timeout is on the axis up to so many times the longest response; a further one would leave these no room.
 _BEYOND = 1.5
-_TIMES = "end of the request to end of its response (ms)"
 
 
 @dataclass(slots=True)
@@ -48,6 +49,7 @@ class _Panel:
             self.attempts[number] += other.attempts[number]
 
 
+@drawn
 def response_time_histogram(
     runs: Sequence[RunRecord], node: str, labels: Sequence[str] | None = None
 ) -> Picture:
@@ -71,6 +73,7 @@ def response_time_histogram(
     beside = bars.is_far(whole, usual)
     handles = _explain(ports, labels or run_labels(runs), timeouts, near)
     abreast = len(handles) if len(runs) == 1 else 1
+    counted = said_text("axis_responses")
     with style():
         height = 1.2 + 0.22 * len(handles) / abreast + 1.6 * len(panels)
         picture = new_picture(7.5, height, captions(runs))
@@ -79,25 +82,25 @@ def response_time_histogram(
         ).T.tolist()
         for first, axes, panel in zip(columns[0], columns[-1], panels, strict=True):
             if beside:
-                bars.draw(first, panel.responses, usual, "the usual responses (ms)", "responses")
+                bars.draw(first, panel.responses, usual, said_text("axis_usual_responses"), counted)
                 first.locator_params(axis="x", nbins=5)
             axes.set_yscale("log")
-            bars.draw(axes, panel.responses, whole, _TIMES, "responses")
+            bars.draw(axes, panel.responses, whole, said_text("axis_response"), counted)
             axes.set_ylim(0.6, max(12, axes.get_ylim()[1]))  # a whole decade: whole numbers on the axis
             for timeout in near:
                 axes.axvline(milliseconds(timeout), color=IN_ERROR, linewidth=2, alpha=0.8)
             missing = sum(panel.attempts) - sum(histogram.count for histogram in panel.responses)
             missing *= len(near) < len(timeouts)
             first.set_title(picture.wrapped(_in_words(panel), 9, 4.8 if missing else 6.5), fontsize=9)
-            edge = f"{missing:,} without a response →" if missing else ""
+            edge = said_text("plot_without", number=missing) if missing else ""
             axes.set_title(edge, loc="right", fontsize=8, color=IN_ERROR)
         for axes in (*columns[0], *columns[-1]):
             axes.yaxis.label.set_size(8)
         for column, shown in zip(columns, (usual, whole) if beside else (whole,), strict=True):
             _limit(column, shown)
-        heading = f"response times of {node}"
+        heading = said_text("plot_responses", node=node)
         if len(runs) == 1:
-            heading = f"{run_labels(runs)[0]}: {heading}"
+            heading = said_text("plot_latency", run=run_labels(runs)[0], heading=heading)
         finish_picture(picture, heading, handles, columns=abreast)
     return picture
 
@@ -125,22 +128,22 @@ def _panels(ports: Sequence[PortRecord]) -> list[_Panel]:
         polls = [port.polls.get(name) for port in ports]
         responses = [deepcopy(poll.responses) if poll else Histogram() for poll in polls]
         attempts = [poll.transactions if poll else 0 for poll in polls]
-        panels.append(_Panel(name or "driven by the program", responses, attempts))
+        panels.append(_Panel(name or said_text("program"), responses, attempts))
     if len(panels) > _MOST_PANELS:
         few = sorted(panels, key=lambda panel: -sum(panel.attempts))[_MOST_PANELS - 1 :]
         panels = [panel for panel in panels if panel not in few]
         for panel in few[1:]:
             few[0].add(panel)
-        few[0].label = counted(len(few), "other poll")
+        few[0].label = said_text("plot_other_polls", number=len(few))
         panels.append(few[0])
     return panels
 
 
 def _in_words(panel: _Panel) -> str:
     responses, attempts = sum(h.count for h in panel.responses), sum(panel.attempts)
-    words = f"{panel.label}: {responses:,} of {counted(attempts, 'attempt')} answered"
-    marks = bars.marks_in_words(panel.responses[0]) if len(panel.responses) == 1 else ""
-    return f"{words}, {marks}" if marks else words
+    words = said_text("plot_answered", label=panel.label, responses=responses, attempts=attempts)
+    marks = list(bars.marks_in_words(panel.responses[0]).values()) if len(panel.responses) == 1 else []
+    return said_text("plot_answered_marks", answered=words, marks=marks) if marks else words
 
 
 def _limit(column: Sequence[Axes], shown: tuple[int, int]) -> None:
@@ -157,13 +160,20 @@ def _explain(
 ) -> list[Line2D]:
     responses = [port.responses for port in ports]
     if len(ports) > 1:
-        texts = [f"{counted(each.count, 'response')}, {bars.marks_in_words(each)}" for each in responses]
+        texts = [
+            said_text(
+                "plot_response_marks", number=each.count, marks=list(bars.marks_in_words(each).values())
+            )
+            for each in responses
+        ]
         handles = legend_of_runs(labels, texts)
     else:
-        handles = bars.legend_of_marks({name: name for name in bars.marked(responses[0])})
+        marks = {name: shown(number_named(name)) for name in bars.marked(responses[0])}
+        handles = bars.legend_of_marks(marks)
     for timeout in timeouts:
-        handle = Line2D([], [], color=IN_ERROR, linewidth=2, alpha=0.8, label=f"timeout {format_ms(timeout)}")
+        text = said_text("plot_timeout", time=format_ms(timeout))
+        handle = Line2D([], [], color=IN_ERROR, linewidth=2, alpha=0.8, label=text)
         if timeout not in near:
-            handle.set(linestyle="", label=f"timeout {format_ms(timeout)}, beyond this axis")
+            handle.set(linestyle="", label=said_text("plot_timeout_beyond", time=format_ms(timeout)))
         handles.append(handle)
     return handles

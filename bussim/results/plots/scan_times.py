@@ -11,6 +11,7 @@ from bussim.results.meters.link import LinkRecord
 from bussim.results.plots import bars
 from bussim.results.plots.style import (
     Picture,
+    drawn,
     finish_picture,
     legend_of_runs,
     new_picture,
@@ -20,12 +21,10 @@ from bussim.results.plots.style import (
 from bussim.results.run_record import RunRecord
 from bussim.results.text.run import caption_of
 from bussim.units import seconds
-from bussim.wording import counted
-
-#: What the axes are called.
-_AXES = ("link scan time (ms)", "link scans")
+from bussim.words.language import said_text, shown
 
 
+@drawn
 def scan_time_histogram(runs: Sequence[RunRecord], bus: str, labels: Sequence[str] | None = None) -> Picture:
     """The histogram of a bus's link scan times.
 
@@ -40,30 +39,36 @@ def scan_time_histogram(runs: Sequence[RunRecord], bus: str, labels: Sequence[st
     histograms = [link.scan_times.histogram for link in links]
     whole = bars.whole_range(histograms)
     usual = bars.usual_range(histograms)
+    axis = said_text("axis_scan_time"), said_text("axis_scans")
     with style():
         picture = new_picture(7.5, 4.4 + 0.2 * len(runs), captions(runs))
         if bars.is_far(whole, usual):
             close_up, axes = picture.subplots(1, 2, width_ratios=(2, 3))
-            bars.draw(close_up, histograms, usual, *_AXES)
-            close_up.set_title("the usual scans")
+            bars.draw(close_up, histograms, usual, *axis)
+            close_up.set_title(said_text("plot_usual_scans"))
             close_up.locator_params(axis="x", nbins=5)
-            axes.set_title("all scans")
+            axes.set_title(said_text("plot_all_scans"))
             axes.set_yscale("log")
         else:
             axes = picture.add_subplot()
-        bars.draw(axes, histograms, whole, *_AXES)
+        bars.draw(axes, histograms, whole, *axis)
         if axes.get_yscale() == "log":
             axes.set_ylim(bottom=0.6)
         if len(runs) == 1:
-            heading = f"{run_labels(runs)[0]}: {counted(histograms[0].count, 'link scan')} on {bus}"
+            what = {"run": run_labels(runs)[0], "scans": histograms[0].count, "bus": bus}
             attempts = runs[0].summary["links"][bus]["attempts"]
+            heading = said_text("plot_scans", **what)
             if attempts is not None:
-                heading += f", {counted(attempts, 'attempt')} a poll"
+                heading = said_text("plot_scans_attempts", **what, attempts=attempts)
             handles = _explain_one(links[0])
         else:
-            heading = f"link scans on {bus}"
+            heading = said_text("plot_scans_several", bus=bus)
             texts = [
-                f"{counted(histogram.count, 'scan')}, {bars.marks_in_words(histogram)}"
+                said_text(
+                    "plot_scans_marks",
+                    scans=histogram.count,
+                    marks=list(bars.marks_in_words(histogram).values()),
+                )
                 for histogram in histograms
             ]
             handles = legend_of_runs(labels or run_labels(runs), texts)
@@ -95,14 +100,15 @@ def run_labels(runs: Sequence[RunRecord]) -> list[str]:
 
 def captions(runs: Sequence[RunRecord]) -> str:
     """The captions of several runs, each once."""
-    return "; ".join(dict.fromkeys(caption_of(run.summary) for run in runs))
+    return "; ".join(dict.fromkeys(shown(caption_of(run.summary)) for run in runs))
 
 
 def _explain_one(link: LinkRecord) -> list[Line2D]:
     times = link.scan_times
-    texts = {name: f"{name} {bars.ms_text(value)}" for name, value in bars.marked(times.histogram).items()}
+    texts = bars.marks_in_words(times.histogram)
     if times.longest_at is not None:
-        texts["max"] += f" at {seconds(times.longest_at):.2f} s"
+        at = {"mark": texts["max"], "at": seconds(times.longest_at)}
+        texts["max"] = said_text("plot_max_at", **at)
         if times.longest_cause:
-            texts["max"] += f": {times.longest_cause}"
+            texts["max"] = said_text("plot_max_because", **at, cause=times.longest_cause)
     return bars.legend_of_marks(texts)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import io
+import re
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec
 
 import matplotlib as mpl
 import numpy as np
@@ -19,8 +21,9 @@ from matplotlib.text import Text
 
 from bussim.errors import UsageError
 from bussim.files import written_whole
-from bussim.results.plots.fonts import FONT, use_fonts
+from bussim.results.plots.fonts import FONT, drawable_language, use_fonts
 from bussim.version import __version__
+from bussim.words.language import said_text, shown, use_language
 
 # The palette of Okabe and Ito, which colour-blind people can distinguish; yellow, too pale for
 # lines, is left out.
@@ -59,6 +62,12 @@ PARTS_OF_LATENCY = {
     "output": _VERMILLION,
 }
 
+_Arguments = ParamSpec("_Arguments")
+
+#: Where a line may end: between Chinese characters, not before what closes a part of the sentence.
+_PIECES = re.compile(
+    r"[（【“]*(?:[\u3400-\u9fff]|[^\u3400-\u9fff、。，．：；？！（）【】“”]+|.)[、。，．：；？！）】”]*"
+)
 _DPI = 150
 #: Inches of a column of a legend beside its labels.
 _SWATCH = 0.6
@@ -87,6 +96,17 @@ _SETTINGS: Any = {
     "ytick.color": GREY,
     "ytick.labelcolor": "black",
 }
+
+
+def drawn(draw: Callable[_Arguments, Picture]) -> Callable[_Arguments, Picture]:
+    """Draw a picture whose texts are in the language that is used, as far as there is a font for it."""
+
+    @wraps(draw)
+    def in_language(*args: _Arguments.args, **named: _Arguments.kwargs) -> Picture:
+        with use_language(drawable_language()):
+            return draw(*args, **named)
+
+    return in_language
 
 
 @contextmanager
@@ -126,7 +146,9 @@ class Picture(Figure):
         """A text on lines of at most so many inches, without what matplotlib would take for a formula."""
         lines = [""]
         for word in [text] if self.width_of(text, points) <= inches else text.split(" "):
-            for index, part in enumerate([word] if self.width_of(word, points) <= inches else word):
+            pieces = _PIECES.findall(word)
+            fits = max((self.width_of(piece, points) for piece in pieces), default=0) <= inches
+            for index, part in enumerate(pieces if fits else word):
                 joined = f"{lines[-1]} {part}" if lines[-1] and not index else lines[-1] + part
                 if lines[-1] and self.width_of(joined, points) > inches:
                     lines.append(part)
@@ -171,7 +193,7 @@ class Picture(Figure):
 def new_picture(width: float, height: float, description: str) -> Picture:
     """An empty figure of so many inches; draw on it within :func:`style`."""
     picture = Picture(figsize=(width, height), layout="constrained")
-    picture.description = description
+    picture.description = shown(description)
     FigureCanvasAgg(picture)
     return picture
 
@@ -179,10 +201,16 @@ def new_picture(width: float, height: float, description: str) -> Picture:
 def legend_of_runs(labels: Sequence[str], texts: Sequence[str]) -> list[Line2D]:
     """A line for each of several runs, in its colour, and what the marks of all of them mean."""
     handles = [
-        Line2D([], [], color=RUNS[number], linewidth=3, label=f"{label}: {text}")
+        Line2D(
+            [],
+            [],
+            color=RUNS[number],
+            linewidth=3,
+            label=said_text("plot_of_run", label=label, text=text),
+        )
         for number, (label, text) in enumerate(zip(labels, texts, strict=True))
     ]
-    return [*handles, Line2D([], [], linestyle="", label="lines: mean solid, p99 dashed, maximum dotted")]
+    return [*handles, Line2D([], [], linestyle="", label=said_text("plot_marks"))]
 
 
 def too_many(runs: Sequence[object]) -> None:
@@ -196,6 +224,7 @@ def finish_picture(picture: Picture, heading: str, handles: Sequence[Artist], *,
 
     All are whole, however long: the picture becomes so much higher. The heading is the title of its files.
     """
+    heading = shown(heading)
     picture.title = heading
     room = 0.96 * picture.get_figwidth()
     title, about = picture.wrapped(heading, 11, room), picture.wrapped(picture.description, 7, room)

@@ -18,26 +18,29 @@ from bussim.results.plots.style import (
     IN_ERROR,
     SIMULATED,
     Picture,
+    drawn,
     finish_picture,
     new_picture,
     style,
 )
+from bussim.words.language import said_text, shown
 
 #: Colours of the levels of noise, the lowest level first.
 _COLOURS = (SIMULATED, FAULT, IN_ERROR)
 #: Labels of the axis of errors by their rate a year.
 _RATES = {
-    1e-4: "1 in 10,000 years",
-    1e-2: "1 in 100 years",
-    1.0: "1 a year",
-    365.0: "1 a day",
-    8760.0: "1 an hour",
-    525_600.0: "1 a minute",
-    31_536_000.0: "1 a second",
+    1e-4: "10000_years",
+    1e-2: "100_years",
+    1.0: "year",
+    365.0: "day",
+    8760.0: "hour",
+    525_600.0: "minute",
+    31_536_000.0: "second",
 }
 _LOWEST = 1e-5
 
 
+@drawn
 def trade_off_picture(
     bus: str,
     retries: Sequence[int],
@@ -67,7 +70,7 @@ def trade_off_picture(
             for colour, (name, points) in zip(_COLOURS, series.items(), strict=False)
         ]
         handles.append(
-            Line2D([], [], marker="o", color=GREY, markersize=9, linestyle="", label="number in a dot: D8179")
+            Line2D([], [], marker="o", color=GREY, markersize=9, linestyle="", label=said_text("plot_dots"))
         )
         times = [x for points in series.values() for x, y in points if y >= _LOWEST]
         if chosen is not None:
@@ -77,11 +80,9 @@ def trade_off_picture(
             times.append(point[0])
         _limits(axes, times, [y for points in series.values() for _, y in points])
         handles.append(_goals(axes, errors, dead, goals))
-        axes.set_xlabel(
-            f"mean link scan time with one {'more ' if more else ''}station dead (ms), timeout {timeout:g} ms"
-        )
-        axes.set_ylabel("false station errors")
-        finish_picture(picture, f"What a dead station costs against false errors on {bus}", handles)
+        axes.set_xlabel(said_text("axis_dead_more" if more else "axis_dead", timeout=timeout))
+        axes.set_ylabel(said_text("axis_errors"))
+        finish_picture(picture, said_text("plot_trade", bus=bus), handles)
     return picture
 
 
@@ -89,14 +90,14 @@ def _points(
     axes: Axes, name: str, retries: Sequence[int], points: Sequence[tuple[float, float]], colour: str
 ) -> Line2D:
     """Dots with D8179 in them, joined by a line; the handle for the legend."""
-    shown = [(x, y, r) for (x, y), r in zip(points, retries, strict=True) if y >= _LOWEST]
-    x, y = [point[0] for point in shown], [point[1] for point in shown]
+    inside = [(x, y, r) for (x, y), r in zip(points, retries, strict=True) if y >= _LOWEST]
+    x, y = [point[0] for point in inside], [point[1] for point in inside]
     axes.plot(x, y, "o-", color=colour, markersize=12, linewidth=1, zorder=3)
-    for left, height, number in shown:
+    for left, height, number in inside:
         axes.annotate(
             f"{number}", (left, height), ha="center", va="center", color="white", fontsize=8, zorder=4
         )
-    return Line2D([], [], marker="o", color=colour, markersize=9, linewidth=1, label=name)
+    return Line2D([], [], marker="o", color=colour, markersize=9, linewidth=1, label=shown(name))
 
 
 def _recommended(axes: Axes, retries: int, point: tuple[float, float], timeout: float) -> Line2D:
@@ -119,8 +120,8 @@ def _recommended(axes: Axes, retries: int, point: tuple[float, float], timeout: 
             "va": "center",
             "fontsize": 8,
         }
-        axes.annotate("lies below", (x, _LOWEST), **note)
-    label = f"recommended: D8179 = {retries}, D8180 = {timeout / 10:g} ({timeout:g} ms)"
+        axes.annotate(said_text("plot_below"), (x, _LOWEST), **note)
+    label = said_text("plot_recommended", retries=retries, units=timeout / 10, timeout=timeout)
     return Line2D([], [], marker="o", mfc="none", mec="black", markersize=10, linestyle="", label=label)
 
 
@@ -133,9 +134,7 @@ def _goals(
         axes.axhspan(*_band(axes.get_ylim(), 0.0, most), **band)
     for within in dead:
         axes.axvspan(*_band(axes.get_xlim(), *within), **band)
-    return Patch(
-        color=DISTRIBUTION, alpha=0.25, label=f"goals, all met where all bands cross: {'; '.join(goals)}"
-    )
+    return Patch(color=DISTRIBUTION, alpha=0.25, label=said_text("plot_goals", goals=list(map(shown, goals))))
 
 
 def _limits(axes: Axes, times: Sequence[float], errors: Sequence[float]) -> None:
@@ -143,7 +142,7 @@ def _limits(axes: Axes, times: Sequence[float], errors: Sequence[float]) -> None
     axes.set_xlim(min(times, default=0.0) - margin, max(times, default=1.0) + margin)
     top = max(errors, default=1.0)
     axes.set_ylim(_LOWEST / 3, 10 ** (math.log10(max(top, 1.0)) + 0.7))
-    axes.set_yticks(list(_RATES), labels=list(_RATES.values()))
+    axes.set_yticks(list(_RATES), labels=[said_text(f"rate_{name}") for name in _RATES.values()])
     axes.minorticks_off()
 
 

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, findfont, fontManager, get_font
 from matplotlib.text import Text
 
@@ -17,6 +18,7 @@ from bussim.results.plots import fonts
 from bussim.results.plots.scan_times import scan_time_histogram
 from bussim.results.plots.style import new_picture, style
 from bussim.units import TICKS_PER_SECOND
+from bussim.words.language import use_language
 from tests.results.fakes import quiet
 from tests.results.plots.test_scan_times import assert_legible
 
@@ -146,3 +148,39 @@ def test_long_names_without_blanks_are_broken_and_others_between_words() -> None
         assert broken[0].startswith("short 三")
         assert "".join(broken) == "short " + CHINESE * 10
         assert all(picture.width_of(line, 9) <= 1.5 for line in broken)
+
+
+def texts_of(picture: Figure) -> str:
+    return "\n".join(text.get_text() for text in picture.findobj(Text))
+
+
+def test_a_picture_is_in_the_language_that_is_used() -> None:
+    with use_language("zh"):
+        picture = scan_time_histogram([quiet(duration=3 * TICKS_PER_SECOND).run()], "link")
+    assert "链接扫描时间（ms）" in texts_of(picture)
+    assert "平均 " in texts_of(picture)
+    assert "link scan" not in texts_of(picture)
+    assert_legible(picture)
+
+
+@pytest.mark.usefixtures("no_other_fonts")
+def test_without_a_font_for_chinese_pictures_are_in_english_and_one_note_says_so(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    run = quiet(duration=3 * TICKS_PER_SECOND).run()
+    with use_language("zh"):
+        pictures = [scan_time_histogram([run], "link") for _ in range(2)]
+    for picture in pictures:
+        assert "link scan time (ms)" in texts_of(picture)
+        assert texts_of(picture).isascii() or "µ" in texts_of(picture)
+    assert capsys.readouterr().err.count("pictures are in English") == 1
+
+
+def test_a_chinese_line_ends_between_characters_and_not_before_a_comma() -> None:
+    picture = new_picture(4, 2, "")
+    text = "最大 348.67 ms，在 21.04 s：站 1（press2）的 6 次尝试全部失败（超时时间内没有应答）；主站重新发送了参数"
+    lines = picture.wrapped(text, 9, 3).split("\n")
+    assert all(picture.width_of(line, 9) <= 3 for line in lines)
+    assert all(picture.width_of(line, 9) > 2.2 for line in lines[:-1])
+    assert not any(line[0] in "，。；：）" for line in lines)
+    assert "".join(lines).replace(" ", "") == text.replace(" ", "")
