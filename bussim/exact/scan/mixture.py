@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bussim.exact.scan.turnaround_sums import Codes, Floats, TurnaroundSums
+from bussim.exact.scan.turnaround_sums import Codes, Floats, TurnaroundSums, by_code
 
 #: Components lighter than this are dropped.
 FLOOR = 1e-30
@@ -28,7 +28,7 @@ _CUTS = np.arange(1, 48) / 48
 _ENDS = np.arange(9) / 8
 _ROUGH, _REACH = 1 / 128, 1 / 64
 _STRAIGHT, _NARROW = 0.01, 1e-3
-#: Pairs of (x, component) computed at once.
+#: About so many pairs of (x, component) are computed at once.
 _PAIRS = 2_000_000
 
 
@@ -93,17 +93,17 @@ class Distribution:
 
     def _within(self, x: Floats, part: Callable[[int, Floats], Floats]) -> Floats:
         """The sum of weight × ``part`` over the components that x lies in."""
+        order = np.argsort(x, kind="stable")
+        begin, end = (np.searchsorted(x[order], edges) for edges in (self.shift, self.upper))
         total = np.zeros(x.size)
-        upper = self.upper
-        for begin in range(0, x.size, step := max(1, _PAIRS // self.shift.size)):
-            block = x[begin : begin + step, None]
-            rows, components = np.nonzero((self.shift <= block) & (block < upper))
-            codes = self.code[components]
-            for code in set(codes.tolist()):
-                chosen = codes == code
-                at, component = rows[chosen] + begin, components[chosen]
-                values = self.weight[component] * part(code, x[at] - self.shift[component])
-                total += np.bincount(at, weights=values, minlength=x.size)
+        counts = np.maximum(end - begin, 0)
+        parts = np.flatnonzero(np.diff(np.cumsum(counts) // _PAIRS, prepend=0))
+        for chosen in np.split(np.arange(counts.size), parts):
+            component = np.repeat(chosen, counts[chosen])
+            first = np.cumsum(counts[chosen]) - counts[chosen]
+            at = order[np.arange(component.size) - np.repeat(first - begin[chosen], counts[chosen])]
+            values = by_code(part, self.code[component], x[at] - self.shift[component])
+            total += np.bincount(at, weights=self.weight[component] * values, minlength=x.size)
         return total
 
     # -- quantiles ---------------------------------------------------------------------------------
@@ -122,9 +122,10 @@ class Distribution:
             return high
         # The lightest components change the tail by less than 1e-10 of q.
         heavy = self.weight > q * 1e-10 / self.shift.size
-        left, right = self._segment(low, high, upper, heavy).rough(q, low, high)
+        inner = _Segment(0.0, self.shift, upper, self.code, self.weight, self.sums).between(low, high, heavy)
+        left, right = inner.rough(q, low, high)
         while True:
-            near = self._segment(left, right, upper, heavy)
+            near = inner.between(left, right)
             cuts = left + (right - left) * _ENDS
             tails = near.tail(cuts)
             index = int(np.count_nonzero(tails > q))
@@ -141,17 +142,6 @@ class Distribution:
                     return left + (right - left) * (above - q) / (above - below)
                 if right - left <= max(_NARROW, 4 * np.spacing(right)):
                     return right
-
-    def _segment(self, low: float, high: float, upper: Floats, heavy: NDArray[np.bool_]) -> _Segment:
-        above = self.shift >= high
-        chosen = np.nonzero(heavy & ~above & (upper > low))[0]
-        return _Segment(
-            float(self.weight[above].sum()),
-            self.shift[chosen],
-            self.code[chosen],
-            self.weight[chosen],
-            self.sums,
-        )
 
 
 def _edge(edges: Floats, weight: Floats, q: float) -> float:
@@ -170,18 +160,28 @@ class _Segment(NamedTuple):
 
     whole: float
     shift: Floats
+    upper: Floats
     code: Codes
     weight: Floats
     sums: TurnaroundSums
 
+    def between(self, low: float, high: float, heavy: NDArray[np.bool_] | None = None) -> _Segment:
+        """The part of it between two x, of the heavy components only, where that is given."""
+        above = self.shift >= high
+        inside = ~above & (self.upper > low)
+        chosen = np.nonzero(inside if heavy is None else inside & heavy)[0]
+        parts = self.shift[chosen], self.upper[chosen], self.code[chosen], self.weight[chosen]
+        return _Segment(self.whole + float(self.weight[above].sum()), *parts, self.sums)
+
     def rough(self, q: float, low: float, high: float) -> tuple[float, float]:
         """Bounds around the quantile by tables of the spreads' tails; it may lie outside all the same."""
         width = self.sums.narrowest
-        left, right = low, high
+        left, right, inner = low, high, self
         while right - left > _ROUGH * width:
+            inner = inner.between(left, right)
             cuts = left + (right - left) * _CUTS
-            parts = self.sums.rough_tail(self.code, cuts[:, None] - self.shift)
-            tails = self.whole + np.einsum("ij,j->i", parts, self.weight)
+            parts = inner.sums.rough_tail(inner.code, cuts[:, None] - inner.shift)
+            tails = inner.whole + np.einsum("ij,j->i", parts, inner.weight)
             index = int(np.count_nonzero(tails > q))  # the tail never rises: all before it are above
             left = float(cuts[index - 1]) if index else left
             right = float(cuts[index]) if index < cuts.size else right

@@ -7,7 +7,7 @@ Everything is computed from positive terms, so that a tail is as exact, relative
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from math import gcd
@@ -149,7 +149,6 @@ class TurnaroundSums:
         if len(self._kinds) > MAX_KINDS:
             raise ValueError(f"{len(self._kinds)} kinds of turnaround, at most {MAX_KINDS} are worked out")
         self._units = {kind: 1 << (DIGIT * digit) for digit, kind in self._kinds.items()}
-        self._grids: dict[bool, _Grid] = {}
         #: Of the end of a torn reply: code, earliest and mean in ticks.
         self.torn, self.earliest, self.torn_mean = 0, 0, 0.0
         self._every = self._kinds
@@ -221,13 +220,11 @@ class TurnaroundSums:
             flat = table.reshape(-1)
             low = flat[at]
             return np.asarray(np.where(y < 0, 1.0, low + (position - index) * (flat[at + 1] - low)))
-        columns = codes.reshape(-1)
-        order = np.argsort(columns, kind="stable")
-        if columns[order[0]] == columns[order[-1]]:
-            return self.tail(int(columns[0]), y)
-        result = np.empty(np.broadcast_shapes(codes.shape, y.shape))
-        for chosen in np.split(order, np.flatnonzero(np.diff(columns[order])) + 1):
-            result[..., chosen] = self.tail(int(columns[chosen[0]]), y[..., chosen])
+        codes = np.broadcast_to(codes, y.shape)
+        inside = (y >= 0) & (y < self.widths(codes))
+        # Beyond its ends a sum's tail is known without a grid.
+        result = (y < 0).astype(np.float64)
+        result[inside] = by_code(self.tail, codes[inside], y[inside])
         return result
 
     def excess(self, code: int, y: Floats) -> Floats:
@@ -239,10 +236,13 @@ class TurnaroundSums:
         return self._grid_sums(code).excess(code, y)
 
     def _grid_sums(self, code: int) -> _Grid:
-        torn = code >= self.torn > 0
-        if torn not in self._grids:
-            self._grids[torn] = _Grid(self._every if torn else self._kinds)
-        return self._grids[torn]
+        return _grid_of(tuple((self._every if code >= self.torn > 0 else self._kinds).items()))
+
+
+@lru_cache(maxsize=4)
+def _grid_of(kinds: tuple[tuple[int, _Kind], ...]) -> _Grid:
+    """The grid of these kinds by digit, which a link shares with those of another timeout or more retries."""
+    return _Grid(dict(kinds))
 
 
 class _Grid:
@@ -252,6 +252,9 @@ class _Grid:
     exact. A uniform spread beside others is cut into cells of 1 µs (10 µs if it is wide), each a mass
     in the middle; the tail is then read by linear interpolation, which is wrong by less than one
     cell's step in y.
+
+    Each sum is made from one with a spread less. Those of torn replies, whose ends are many atoms, have at
+    least as many turnarounds; taking these off first leaves few sums to add ends to.
     """
 
     def __init__(self, digits: Mapping[int, _Kind]) -> None:
@@ -265,9 +268,11 @@ class _Grid:
                 self._step = float(step)
             else:
                 self._stepwise = False
+        self._uniform = {digit for digit, kind in digits.items() if not kind.atoms}
         self._singles = {digit: self._masses(kind) for digit, kind in digits.items()}
         self._sums: dict[int, tuple[float, Floats]] = {0: (0.0, np.ones(1))}
-        self._tails: dict[int, tuple[float, Floats]] = {}
+        self._tails: dict[int, Floats] = {}
+        self._excesses: dict[int, Floats] = {}
 
     def _masses(self, kind: _Kind) -> tuple[float, Floats]:
         """Offset (ticks) of the first mass, and the masses."""
@@ -284,36 +289,75 @@ class _Grid:
         return (kind.width - (cells - 1) * step) / 2, np.full(cells, 1.0 / cells)
 
     def _sum(self, code: int) -> tuple[float, Floats]:
+        """Offset (ticks) of the first mass of a sum, and the masses."""
         found = self._sums.get(code)
         if found is None:
-            digit = max(p for p in self._singles if code >> (DIGIT * p) & _MASK)
+            counts = {digit: code >> (DIGIT * digit) & _MASK for digit in self._singles}
+            torn = counts.pop(MAX_KINDS, 0)
+            digit = MAX_KINDS if sum(counts.values()) <= torn else max(p for p in counts if counts[p])
             offset, masses = self._sum(code - (1 << (DIGIT * digit)))
             more, single = self._singles[digit]
-            found = self._sums[code] = (offset + more, np.convolve(masses, single))
+            if digit in self._uniform:
+                masses = _moving_sums(masses, single.size) * single[0]
+            else:
+                masses = np.convolve(masses, single)
+            found = self._sums[code] = (offset + more, masses)
         return found
 
-    def _tail_of(self, code: int) -> tuple[float, Floats]:
-        """Offset of the first mass and P(sum > …) from before the first mass to after the last."""
-        found = self._tails.get(code)
-        if found is None:
-            offset, masses = self._sum(code)
-            tail = np.concatenate((np.cumsum(masses[::-1])[::-1], [0.0]))
-            found = self._tails[code] = (offset, tail)
-        return found
+    def _tail_of(self, code: int) -> Floats:
+        """P(sum > …) from before the first mass to after the last."""
+        if code not in self._tails:
+            self._tails[code] = np.concatenate((_from_end(self._sum(code)[1]), [0.0]))
+        return self._tails[code]
 
     def tail(self, code: int, y: Floats) -> Floats:
         """P(sum > y)."""
-        offset, tail = self._tail_of(code)
-        position = (y - offset) / self._step
+        tail = self._tail_of(code)
+        position = (y - self._sum(code)[0]) / self._step
         if self._stepwise:
             index = np.clip(np.floor(position + 1e-9).astype(np.int64) + 1, 0, tail.size - 1)
             return np.asarray(tail[index], dtype=np.float64)
         # A cell's mass is spread over the cell: half of it lies above its middle.
-        edges = np.arange(tail.size) - 0.5
-        return np.asarray(np.interp(position, edges, tail), dtype=np.float64)
+        position = np.clip(position + 0.5, 0.0, tail.size - 1.0)
+        index = np.minimum(position.astype(np.int64), tail.size - 2)
+        return np.asarray(tail[index] + (position - index) * (tail[index + 1] - tail[index]))
 
     def excess(self, code: int, y: Floats) -> Floats:
         """E[max(0, sum - y)]."""
-        offset, masses = self._sum(code)
-        values = offset + self._step * np.arange(masses.size)
-        return np.asarray(np.maximum(values - y[..., None], 0.0) @ masses, dtype=np.float64)
+        offset, tail = self._sum(code)[0], self._tail_of(code)
+        if code not in self._excesses:  # beyond each mass
+            self._excesses[code] = np.concatenate((_from_end(tail[1:]), [0.0]))
+        index = np.clip(np.ceil((y - offset) / self._step), 0, tail.size - 1).astype(np.int64)
+        left = np.maximum(offset + self._step * index - y, 0.0)
+        return np.asarray(tail[index] * left + self._step * self._excesses[code][index])
+
+
+def _from_end(values: Floats) -> Floats:
+    """For each value the sum of it and all after it."""
+    return np.asarray(np.cumsum(values[::-1])[::-1], dtype=np.float64)
+
+
+def _moving_sums(values: Floats, count: int) -> Floats:
+    """The sums of ``count`` neighbours, from the first value alone to the last, of sums of 1, 2, 4, … ."""
+    total = np.zeros(values.size + count - 1)
+    at, width = 0, 1
+    while True:
+        if count & width:
+            total[at : at + values.size] += values
+            at += width
+        if 2 * width > count:
+            return total
+        twice = np.zeros(values.size + width)
+        twice[: values.size] = values
+        twice[width:] += values
+        values, width = twice, 2 * width
+
+
+def by_code(part: Callable[[int, Floats], Floats], codes: Codes, y: Floats) -> Floats:
+    """``part`` of each pair of a code and y."""
+    result = np.empty(y.size)
+    order = np.argsort(codes, kind="stable")
+    for chosen in np.split(order, np.flatnonzero(np.diff(codes[order])) + 1):
+        if chosen.size:
+            result[chosen] = part(int(codes[chosen[0]]), y[chosen])
+    return result

@@ -102,6 +102,27 @@ def test_sums_of_two_widths() -> None:
     assert sums.excess(code, np.zeros(1))[0] == pytest.approx((n + w) / 2, rel=1e-9)
 
 
+def test_sums_with_ends_of_torn_replies() -> None:
+    # Against plain convolutions of the cells; the code of 9 turnarounds and 4 ends is made by way of others.
+    ends = Turnaround(0, 0, (0, 1_875, 16_875, 20_625), (0.1, 0.2, 0.6, 0.1))
+    sums = TurnaroundSums([NARROW], ends)
+    single = np.zeros(288)
+    for value, chance in zip(ends.values, ends.weights, strict=True):
+        cell, part = divmod(value, 72)
+        single[cell] += chance * (1 - part / 72)
+        single[cell + 1] += chance * part / 72
+    masses = np.ones(1)
+    for part in [single] * 4 + [np.full(200, 1 / 200)] * 9:
+        masses = np.convolve(masses, part)
+    code, first = 9 * sums.unit(NARROW) + 4 * sums.torn, 9 * 36.0
+    for cell in (0, 700, 1_500, 2_400, 2_900):
+        beyond = masses[cell:]
+        at = np.array([first + 72 * (cell - 0.5)])
+        assert sums.tail(code, at)[0] == pytest.approx(beyond.sum(), rel=1e-12)
+        excess = float(beyond @ (72 * (np.arange(beyond.size) + 0.5)))
+        assert sums.excess(code, at)[0] == pytest.approx(excess, rel=1e-12)
+
+
 def test_rough_tails_are_near() -> None:
     sums = TurnaroundSums([NARROW])
     y = np.linspace(-100, 9 * 14_400, 3_000)
