@@ -38,7 +38,7 @@ class ReplyOutcome(NamedTuple):
     """A reply's outcome in the master and in a listener.
 
     The outcomes of :class:`bussim.exact.bursts.reading.Reading`, each split by whether the listener had the
-    reply undamaged, then not.
+    reply undamaged, then not; all in the former where that was not asked for.
     """
 
     clean: tuple[Matrix, Matrix]
@@ -136,13 +136,13 @@ class Line:
         self,
         wire: Sequence[NoiseSource],
         master: Sequence[NoiseSource],
-        listener: Sequence[NoiseSource],
+        listener: Sequence[NoiseSource] | None,
         characters: int,
         *,
         zeros: bool = True,
     ) -> ReplyOutcome:
-        """What becomes of a reply in the master and in a listener, with the noise that they share."""
-        sources = tuple(wire), tuple(master), tuple(listener)
+        """What becomes of a reply in the master and in a listener (None: whatever it hears)."""
+        sources = tuple(wire), tuple(master), None if listener is None else tuple(listener)
         return _reply(self.noise.chains, self.bit, *sources, characters, zeros=zeros)
 
     def shared(
@@ -182,18 +182,23 @@ def _reply(
     bit: float,
     wire: tuple[NoiseSource, ...],
     master: tuple[NoiseSource, ...],
-    listener: tuple[NoiseSource, ...],
+    listener: tuple[NoiseSource, ...] | None,
     characters: int,
     *,
     zeros: bool,
 ) -> ReplyOutcome:
     line = Line(LineNoise((), chains), bit)
-    right, in_listener, in_master, in_both = line.bit_errors(wire, master, listener)
+    right, in_listener, in_master, in_both = line.bit_errors(wire, master, listener or ())
     s, nothing = line.states, np.zeros_like(right)
+    kept, hit = right + in_listener, in_master + in_both
+    if listener is None:
+        found = read(kept, hit, characters, zeros=zeros)
+        clean, torn, shifted, headless = ((matrix, nothing) for matrix in found[:4])
+        return ReplyOutcome(clean, torn, shifted, headless, found.ends)
     # With the state goes whether the listener was hit.
     found = read(
-        np.block([[right, in_listener], [nothing, right + in_listener]]),
-        np.block([[in_master, in_both], [nothing, in_master + in_both]]),
+        np.block([[right, in_listener], [nothing, kept]]),
+        np.block([[in_master, in_both], [nothing, hit]]),
         characters,
         zeros=zeros,
     )

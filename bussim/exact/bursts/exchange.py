@@ -156,7 +156,7 @@ def course_at(
         refused = np.kron(memory.refuses, both[0]) + np.kron(same, both[1])
         return sent @ np.kron(memory.takes, both[0]), sent @ refused
 
-    read, sums = reply_of(line, model, station, receiver), sums_of(model)
+    read, sums = reply_of(line, model, station, None if own else receiver), sums_of(model)
     clean, later = split(read.clean), model.quiet + sums.earliest
     if receiver == MASTER:
         clean = clean[1], clean[0]
@@ -168,12 +168,12 @@ def course_at(
     return Course(unheard + station.loss * heard, clean, split(read.headless), ends)
 
 
-def reply_of(line: Line, model: LinkModel, station: Station, listener: int = MASTER) -> ReplyOutcome:
-    """What becomes of a station's reply in the master and in a listener."""
-    noise, master = model.noise, model.noise.in_receiver(MASTER)
-    other = noise.in_receiver(listener) if listener != MASTER else ()
-    characters = model.data_bits // CHAR_BITS
-    return line.reply(noise.on_wire(station.number), master, other, characters, zeros=model.zeros)
+def reply_of(line: Line, model: LinkModel, station: Station, listener: int | None = None) -> ReplyOutcome:
+    """What becomes of a station's reply in the master and, where one is given, in a listener."""
+    noise = model.noise
+    other = None if listener is None else noise.in_receiver(listener)
+    wire, characters = noise.on_wire(station.number), model.data_bits // CHAR_BITS
+    return line.reply(wire, noise.in_receiver(MASTER), other, characters, zeros=model.zeros)
 
 
 @lru_cache(maxsize=256)

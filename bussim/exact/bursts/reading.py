@@ -13,6 +13,7 @@ over the hexadecimal digits, as the counter moves on from scan to scan.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cache
 from typing import NamedTuple
 
@@ -23,6 +24,9 @@ from bussim.engines.nn.frames import DATA_OVERHEAD_CHARS, ETX, STX
 from bussim.line.characters import NN_LINE
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+#: The levels, bit by bit, of what is left of each of the characters that may come.
+_Choice = tuple[tuple[int, ...], ...]
 
 _FORMAT = NN_LINE.format
 _BITS = _FORMAT.bits
@@ -69,14 +73,21 @@ def _move(state: int, level: int) -> tuple[int, bool]:
 
 
 @cache
-def _moves() -> tuple[Array, Array]:
-    """For each level sent, from (right or inverted bit, damaged, header read, receiver) to the last three."""
-    found = np.zeros((2, 2, 2, 2, _STATES, 2, 2, _STATES))
-    for sent, inverted, damaged, headed, state in np.ndindex(2, 2, 2, 2, _STATES):
-        after, header = _move(state, sent ^ inverted)
-        found[sent, inverted, damaged, headed, state, damaged | inverted, headed | header, after] = 1
-    zero, one = found.reshape(2, 2 * 4 * _STATES, 4 * _STATES)
-    return zero, one
+def _moves() -> Indices:
+    """The state (header read, receiver) after each one, by the level of a bit."""
+    found = np.empty((2, 2, _STATES), dtype=np.int64)
+    for level, headed, state in np.ndindex(found.shape):
+        after, header = _move(state, level)
+        found[level, headed, state] = (headed | header) * _STATES + after
+    return found.reshape(2, -1)
+
+
+def _branches(choice: _Choice) -> Iterator[tuple[int, float, _Choice]]:
+    """The levels of the next bit of one of these characters: each with its share and what may follow."""
+    for level in (0, 1):
+        rest = tuple(sorted(levels[1:] for levels in choice if levels[:1] == (level,)))
+        if rest:
+            yield level, len(rest) / len(choice), rest
 
 
 def read(right: Array, inverted: Array, characters: int, *, zeros: bool) -> Reading:
@@ -86,31 +97,48 @@ def read(right: Array, inverted: Array, characters: int, *, zeros: bool) -> Read
     far) from one bit to the next, times the probability that this one is right, or inverted. ``zeros``: the
     block is of zeros, else random.
     """
-    outer = right.shape[0]
-    state = np.zeros((1, outer, outer, 4 * _STATES))
-    state[0, range(outer), range(outer), _SINCE - 1] = 1.0  # the line idle
+    outer, moves = right.shape[0], _moves()
+    size = moves.shape[1]
+
+    @cache
+    def damaged(choice: _Choice) -> Array:
+        """Over what is left of a character, one of these, in a damaged reply: (before, state, after)."""
+        if not choice[0]:
+            return np.eye(outer * size).reshape(outer, size, -1)
+        total = np.zeros((outer, size, outer * size))
+        for level, share, rest in _branches(choice):
+            after = damaged(rest)
+            total += np.einsum("ij,jkl", share * right, after[:, moves[level]])
+            total += np.einsum("ij,jkl", share * inverted, after[:, moves[1 - level]])
+        return total
+
+    @cache
+    def hit(choice: _Choice, state: int) -> Array:
+        """The same of an undamaged reply that is damaged in it; the receiver has one state then."""
+        total = np.zeros((outer, outer * size))
+        for level, share, rest in _branches(choice):
+            total += share * inverted @ damaged(rest)[:, moves[1 - level, state]]
+            total += share * right @ hit(rest, int(moves[level, state]))
+        return total
+
+    clean, state = np.eye(outer), np.zeros((outer, outer * size))
+    place = _SINCE - 1  # the line idle
     data = [_HEX[:1] if zeros else _HEX] * (characters - DATA_OVERHEAD_CHARS)
-    moves, step = _moves(), np.concatenate((right.T, inverted.T))
-    for choice in ((STX,), _HEX, _HEX, *data, (ETX,), _HEX, _HEX):
-        levels = np.array([_FORMAT.encode(character) for character in choice])
-        state = np.repeat(state / len(choice), len(choice), axis=0)
-        for bit in range(_BITS):
-            # (choice, before, right or inverted and after, state) to (…, after, right or inverted and state)
-            both = (step @ state).reshape(len(choice), outer, 2, outer, -1)
-            both = both.swapaxes(2, 3).reshape(len(choice), outer, outer, -1)
-            state = np.empty_like(state)
-            for level in (0, 1):
-                state[levels[:, bit] == level] = both[levels[:, bit] == level] @ moves[level]
-        state = state.sum(axis=0, keepdims=True)
+    for codes in ((STX,), _HEX, _HEX, *data, (ETX,), _HEX, _HEX):
+        choice = tuple(sorted(map(_FORMAT.encode, codes)))
+        state = state @ damaged(choice).reshape(outer * size, -1) + clean @ hit(choice, place)
+        for level in choice[0]:
+            clean, place = clean @ right, int(moves[level, place])
     # Rows add up to 1; rounding must not wear them down over a thousand bits.
-    state = (state / state.sum(axis=(2, 3), keepdims=True)).reshape(outer, outer, 2, 2, _STATES)
-    torn = state[:, :, 1, 1]
+    every = clean.sum(axis=1) + state.sum(axis=1)
+    clean, state = clean / every[:, None], state / every[:, None]
+    headless, torn = np.moveaxis(state.reshape(outer, outer, 2, _STATES), 2, 0)
     waiting = torn[..., :_WAITING].reshape(outer, outer, 2, _SINCE).sum(axis=2)
     reading = torn[..., _WAITING:].reshape(outer, outer, _BITS - 1, 2).sum(axis=3)
     return Reading(
-        clean=state[:, :, 0].sum(axis=(2, 3)),
+        clean=clean,
         torn=waiting[..., 0],
         shifted=waiting[..., 1:].sum(axis=2) + reading.sum(axis=2),
-        headless=state[:, :, 1, 0].sum(axis=2),
+        headless=headless.sum(axis=2),
         ends=np.concatenate((waiting[..., ::-1], reading[..., ::-1]), axis=2).sum(axis=1),
     )
