@@ -9,11 +9,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from bussim.exact.bursts.exchange import different
+from bussim.exact.bursts.timeout_stacks import Scans
 from bussim.exact.link import LinkModel
 from bussim.exact.refresh import GapDistribution, gap_distributions
-from bussim.exact.scan.detection import detection
+from bussim.exact.scan.detection import Detection, detection
 from bussim.exact.scan.mixture import Distribution
-from bussim.exact.scan.outages import clean_scan, dead_means, longest_scan, ride_through
+from bussim.exact.scan.outages import clean_scan, dead_means, longest_scan, longest_unnoticed, ride_through
 from bussim.exact.scan.turnaround_sums import Floats
 from bussim.exact.solve import Solved
 from bussim.exact.text import LONGEST_YEARS, in_ms, ms, ms_cell, scans_over, years_between
@@ -218,8 +219,8 @@ def figures_of(
     chances = {s.number: f for s, f in zip(model.stations, solved.fails, strict=True) if s.alive}
     passed = ride_through(model, model.attempts, np.full(1, float(model.timeout)))
     random = Solved(replace(model, zeros=False)).distribution if model.noise.sources else None
-    found = [detection(solved, station) for station in different(model).values()]
-    slowest = max(found, key=lambda d: d.mean, default=None)
+    slowest = _slowest(solved)
+    unnoticed = [longest_unnoticed(model, s, np.full(1, float(model.timeout))) for s in model.alive]
     return Figures(
         model,
         valid=True,
@@ -245,11 +246,20 @@ def figures_of(
         one_dead=dead_means(solved, 1),
         two_dead=dead_means(solved, 2),
         detect_mean=slowest.mean if slowest else None,
-        detect_longest=max((d.longest for d in found), default=None),
+        detect_longest=max((int(each[0]) for each in unnoticed), default=None),
         detect={key: slowest.quantile(level) for key, level in request.levels.items()} if slowest else {},
         refresh=_refreshes(solved, request, progress) if request.refresh else {},
         random=random,
     )
+
+
+def _slowest(solved: Solved) -> Detection | None:
+    """How soon the death is noticed of the station with which it takes longest."""
+    model, stations = solved.model, [*different(solved.model).values()]
+    if len(stations) > 1 and not model.absent.probes:
+        scans, mean = Scans(solved.stacks, model.attempts), np.full(1, solved.distribution.mean)
+        stations = [max(stations, key=lambda station: float(scans.noticed_of(station, mean)[0]))]
+    return max((detection(solved, station) for station in stations), key=lambda d: d.mean, default=None)
 
 
 def _once(probability: float, times: float) -> float:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from functools import cached_property
 
+import numpy as np
+
 from bussim.exact.bursts.listening import NOTHING, memory_of
 from bussim.exact.bursts.scan_chain import ScanChain
+from bussim.exact.bursts.timeout_stacks import TimeoutStacks
 from bussim.exact.link import LinkModel
 from bussim.exact.scan.memoryless import Fails, fails_of, probabilities_of, scan_distribution
 from bussim.exact.scan.mixture import Distribution
@@ -28,6 +31,11 @@ class Solved:
     def chain(self) -> ScanChain:
         """The chain from scan to scan."""
         return ScanChain(self.model)
+
+    @cached_property
+    def stacks(self) -> TimeoutStacks:
+        """The moments of its exchanges."""
+        return TimeoutStacks(self.model, np.full(1, float(self.model.timeout)))
 
     def chain_of(self, receiver: int) -> ScanChain:
         """The chain with what a receiver remembers of the link's frames, if that matters."""

@@ -21,6 +21,7 @@ from bussim.exact.bursts.channel import Matrix
 from bussim.exact.bursts.exchange import (
     Attempt,
     Exchange,
+    alike,
     attempt_at,
     exchange_at,
     line_of,
@@ -69,15 +70,20 @@ class ScanChain:
         self.sums = sums_of(model)
         self.memory = memory = memory_of(model, receiver)
         self.states = len(memory.over) * line.states
-        self._attempts = {s.number: attempt_at(line, model, s, receiver, memory) for s in model.stations}
+        # A listener has the replies of others in another way than its own.
+        self._kinds = {s.number: (alike(model, s), s.number == receiver) for s in model.stations}
+        self._attempts = {
+            kind: attempt_at(line, model, station, receiver, memory)
+            for kind, station in {self._kinds[s.number]: s for s in model.stations}.items()
+        }
         path, same = poll_path(model, receiver), np.eye(len(memory.over))
         #: Over a data frame of the master, and from the last exchange to it, without and with parameters.
         self.data = self._frame(path, model.data, model.data_bits, memory.data)
         self.plain = np.kron(memory.turned, line.after(model.overhead + model.gap))
         parameters = self._frame(path, model.parameters, PARAMETERS_BITS, memory.parameters)
         self.long = self.plain @ parameters @ np.kron(same, line.after(model.gap))
-        self._exchanges: dict[tuple[int, int], Exchange] = {}
-        self._transitions: dict[tuple[int, int], Transitions] = {}
+        self._exchanges: dict[tuple[object, int], Exchange] = {}
+        self._transitions: dict[tuple[object, int, int], Transitions] = {}
         # Indices of the flags that a scan's start depends on.
         remembered = model.alive if model.absent.probes else ()
         self._bits = {station.number: bit for bit, station in enumerate(remembered)}
@@ -96,14 +102,14 @@ class ScanChain:
 
     def attempt(self, station: Station) -> Attempt:
         """The ends of one attempt."""
-        return self._attempts[station.number]
+        return self._attempts[self._kinds[station.number]]
 
     def exchange(self, station: Station, *, flagged: bool) -> Exchange:
         """The ends of an exchange with a station whose flag is on or off."""
         attempts = self.model.attempts_at(flagged=flagged)
-        key = (station.number, attempts)
+        key = (self._kinds[station.number], attempts)
         if key not in self._exchanges:
-            self._exchanges[key] = exchange_at(self._attempts[station.number], attempts)
+            self._exchanges[key] = exchange_at(self.attempt(station), attempts)
         return self._exchanges[key]
 
     # -- from scan to scan -------------------------------------------------------------------------
@@ -198,13 +204,13 @@ class ScanChain:
     def transitions(self, station: Station, *, flagged: bool) -> Transitions:
         """The components of an exchange with a station whose flag is on or off."""
         attempts = self.model.attempts_at(flagged=flagged)
-        key = (station.number, attempts)
+        key = (self._kinds[station.number], attempts, self.mark(station))
         if key not in self._transitions:
             model = self.model
             unit = self.sums.unit(station.turnaround) if station.alive else 0
             whole = float(model.replied(station) + spread_of(station.turnaround)[0])
             self._transitions[key] = exchange_transitions(
-                self._attempts[station.number],
+                self.attempt(station),
                 model.silent_cost,
                 whole,
                 unit,

@@ -76,7 +76,8 @@ class StateMixture:
         after = before @ transitions.matrix.transpose(1, 0, 2).reshape(before.shape[1], -1)
         after = after.reshape(-1, starts, transitions.shift.size, states).swapaxes(1, 2)
         weight = after.reshape(-1, starts, states)
-        keep = np.nonzero(weight.max(axis=(1, 2), initial=0.0) >= floor)[0]
+        # Column by column, as the rows are short.
+        keep = np.nonzero(np.maximum.reduce([*weight.reshape(-1, starts * states).T]) >= floor)[0]
         i, j = np.divmod(keep, transitions.shift.size)
         one, two = self.code[i], transitions.code[j]
         code = ((one & _COUNTS) + (two & _COUNTS)) | ((one | two) & ~_COUNTS)

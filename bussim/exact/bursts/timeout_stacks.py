@@ -15,8 +15,8 @@ character came out. After the death no attempt succeeds.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -27,7 +27,14 @@ from bussim.exact.bursts.exchange import Attempt, alike, attempts_at, different,
 from bussim.exact.link import LinkModel, Station
 from bussim.exact.scan.turnaround_sums import Floats
 
-Stack = NDArray[np.float64]  # (timeout, state, state)
+Stack = NDArray[np.float64]  # (state before, state after, choice of dead stations, timeout)
+
+
+def _dot(one: Stack, other: Stack) -> Stack:
+    """One, then the other."""
+    if other.shape[1] == 1:
+        return np.asarray(one * other)
+    return np.asarray(np.einsum("ij...,jk...->ik...", one, other))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,22 +51,19 @@ class _Timed:
     @classmethod
     def lasting(cls, matrix: Stack, mean: Floats, variance: float = 0.0) -> _Timed:
         """Every entry takes a time of this mean (by timeout) and variance."""
-        time = mean[:, None, None]
-        return cls(matrix, matrix * time, matrix * (time * time + variance))
+        return cls(matrix, matrix * mean, matrix * (mean * mean + variance))
 
     def then(self, other: _Timed) -> _Timed:
         """This, then the other, the times independent given the states."""
-        dot = np.matmul if other.zero.shape[-1] > 1 else np.multiply
         return _Timed(
-            dot(self.zero, other.zero),
-            dot(self.one, other.zero) + dot(self.zero, other.one),
-            dot(self.two, other.zero) + 2 * dot(self.one, other.one) + dot(self.zero, other.two),
+            _dot(self.zero, other.zero),
+            _dot(self.one, other.zero) + _dot(self.zero, other.one),
+            _dot(self.two, other.zero) + 2 * _dot(self.one, other.one) + _dot(self.zero, other.two),
         )
 
     def scaled(self, share: Floats) -> _Timed:
-        """The same with a part of the probability, by timeout."""
-        part = share.reshape(-1, 1, 1)
-        return _Timed(self.zero * part, self.one * part, self.two * part)
+        """The same with a part of the probability, by choice and timeout."""
+        return _Timed(self.zero * share, self.one * share, self.two * share)
 
     def still(self) -> _Timed:
         """The same without the time that has passed."""
@@ -76,7 +80,7 @@ class _Exchange(NamedTuple):
     error: _Timed
 
     def scaled(self, share: Floats) -> _Exchange:
-        """The same with a part of the probability, by timeout."""
+        """The same with a part of the probability, as :meth:`_Timed.scaled`."""
         return _Exchange(self.replied.scaled(share), self.error.scaled(share))
 
 
@@ -136,7 +140,7 @@ class TimeoutStacks:
     def __init__(self, model: LinkModel, tau: Floats) -> None:
         self.model, self.tau = model, tau
         self.line = line_of(model)
-        self.zero = np.zeros((tau.size, self.line.states, self.line.states))
+        self.zero = np.zeros((self.line.states, self.line.states, 1, tau.size))
         self._attempts: dict[object, Attempt] = {}
         self._exchanges: dict[tuple[object, int], _Exchange] = {}
 
@@ -144,7 +148,9 @@ class TimeoutStacks:
         """The ends of an attempt; equal stations share theirs."""
         kind = alike(self.model, station)
         if kind not in self._attempts:
-            self._attempts[kind] = attempts_at(self.line, self.model, station, self.tau)
+            replied, silent, torn, over = attempts_at(self.line, self.model, station, self.tau)
+            ends = tuple((later, code, _stack(matrix)) for later, code, matrix in torn)
+            self._attempts[kind] = Attempt(_stack(replied), _stack(silent), ends, over)
         return self._attempts[kind]
 
     def exchange(self, station: Station, attempts: int) -> _Exchange:
@@ -174,55 +180,86 @@ class TimeoutStacks:
 
     def fixed(self, ticks: float) -> _Timed:
         """A time in which nothing is decided."""
-        return _Timed.lasting(self.line.after(ticks) + self.zero, np.full(self.tau.size, float(ticks)))
+        after = self.line.after(ticks)[..., None, None]
+        return _Timed.lasting(after + self.zero, np.full(self.tau.size, float(ticks)))
+
+
+def _stack(matrices: NDArray[np.float64]) -> Stack:
+    """A matrix a timeout as a stack."""
+    return np.ascontiguousarray(np.moveaxis(matrices, 0, -1)[:, :, None])
 
 
 class Scans:
-    """The scans with one number of attempts, some stations dead. Figures by timeout, times in ticks."""
+    """The scans with one number of attempts. Figures by choice and timeout, times in ticks.
 
-    def __init__(self, stacks: TimeoutStacks, attempts: int, *dead: int) -> None:
+    Each of the ``choices`` are stations (numbers) that are dead as well.
+    """
+
+    def __init__(
+        self, stacks: TimeoutStacks, attempts: int, choices: Sequence[Sequence[int]] = ((),)
+    ) -> None:
         self.stacks = stacks
-        self.model = model = stacks.model.with_dead(*dead).with_setting(attempts, 0)
+        self.model = model = stacks.model.with_setting(attempts, 0)
         self._short = stacks.fixed(model.overhead + model.gap)
         self._long = stacks.fixed(model.overhead + model.gap + model.parameters_cost)
-        self._data, nothing = stacks.fixed(model.data), stacks.zero[:, :1]
+        self._data, nothing = stacks.fixed(model.data), stacks.zero[:1]
         self._none = _Timed(nothing, nothing, nothing)
         self._different = different(model)
         # By how many attempts a station has, in which share of the scans.
         self._shares: list[list[tuple[int, Floats]]] = [
             [(model.attempts_at(flagged=not station.alive), np.ones(1))] for station in model.stations
         ]
-        self._ends = self._mixed()
+        self._ends = self._mixed(choices)
         if model.absent.probes:
             errors = self.fails[0]
             for station, share in zip(model.alive, errors, strict=True):
                 self._shares[model.stations.index(station)] = [(attempts, 1 - share), (1, share)]
-            self._ends = self._mixed()
+            self._ends = self._mixed(choices)
 
-    def _mixed(self) -> list[_Exchange]:
-        """The exchanges with all stations, by how many attempts they have."""
+    def _mixed(self, choices: Sequence[Sequence[int]]) -> list[_Exchange]:
+        """The exchanges with all stations, by how many attempts they have and where they are dead."""
         found = []
         for station, shares in zip(self.model.stations, self._shares, strict=True):
-            first, *others = (
-                self.stacks.exchange(station, attempts).scaled(share) for attempts, share in shares
-            )
+            parts = [(station, attempts, share) for attempts, share in shares]
+            dead = np.array([[float(station.number in choice)] for choice in choices])
+            if dead.any():
+                parts = [(station, attempts, share * (1 - dead)) for _, attempts, share in parts]
+                silent = replace(station, alive=False, hears=False)
+                parts.append((silent, self.model.attempts_at(flagged=True), dead))
+            first, *others = (self.stacks.exchange(s, attempts).scaled(share) for s, attempts, share in parts)
             for other in others:
                 first = _Exchange(first.replied + other.replied, first.error + other.error)
             found.append(first)
         return found
 
-    def _scan(self, ends: list[_Exchange], only: tuple[int, int] | None = None) -> Stack:
-        """The states' transitions over a scan; ``only``: where its exchange at an index had this end."""
-        clean, marked = self._data.zero, self.stacks.zero
-        for index, (replied, error) in enumerate(ends):
-            good = replied.zero if (index, 1) != only else self.stacks.zero
-            bad = error.zero if (index, 0) != only else self.stacks.zero
-            clean, marked = clean @ good, marked @ good + (clean + marked) @ bad
-        return np.asarray(clean @ self._short.zero + marked @ self._long.zero, dtype=np.float64)
+    def _scan(self) -> Stack:
+        """The states' transitions over a scan."""
+        clean, marked = self._reached[-1]
+        return _dot(clean, self._short.zero) + _dot(marked, self._long.zero)
+
+    @property
+    def _reached(self) -> list[tuple[Stack, Stack]]:
+        """From a scan's start to each exchange's and to the last one's end, without and after an error."""
+        found = [(self._data.zero, self.stacks.zero)]
+        for replied, error in self._ends:
+            clean, marked = found[-1]
+            bad = _dot(marked, replied.zero) + _dot(clean + marked, error.zero)
+            found.append((_dot(clean, replied.zero), bad))
+        return found
+
+    @property
+    def _left(self) -> list[tuple[Stack, Stack]]:
+        """From each exchange's end to the scan's, without and after an error up to there."""
+        found = [(self._short.zero, self._long.zero)]
+        for replied, error in self._ends[:0:-1]:
+            clean, marked = found[-1]
+            failed = _dot(error.zero, marked)
+            found.append((_dot(replied.zero, clean) + failed, _dot(replied.zero, marked) + failed))
+        return found[::-1]
 
     def _begun(self) -> _Timed:
         """Stationary weights at the end of the master's data frame, its time behind them."""
-        start = _stationary(self._scan(self._ends))[:, None, :]
+        start = _stationary(self._scan())
         return _Timed(start, self._none.zero, self._none.zero).then(self._data)
 
     @property
@@ -230,42 +267,56 @@ class Scans:
         """The mean scan."""
         good, bad = _carried(self._begun(), self._none, self._ends)
         scan = good.then(self._short) + bad.then(self._long)
-        return np.asarray(scan.one.sum(axis=(1, 2)), dtype=np.float64)
+        return np.asarray(scan.one.sum(axis=(0, 1)), dtype=np.float64)
 
     # -- stations' flags ---------------------------------------------------------------------------
 
     @cached_property
     def fails(self) -> tuple[Floats, Floats]:
-        """The chances that each living station is in error, and that its error begins (station, timeout).
+        """The chances of each living station that it is in error, and that its error begins.
 
-        Its flag is followed together with the line's state.
+        By station, choice and timeout. Its flag is followed together with the line's state.
         """
         stations = self.model.stations
-        known = {kind: self._fails(stations.index(station)) for kind, station in self._different.items()}
+        reached, left = self._reached, self._left
+        known = {
+            kind: self._fails(station, *reached[(at := stations.index(station))], *left[at])
+            for kind, station in self._different.items()
+        }
         each = [known.get(alike(self.model, s)) or known[s.number] for s in self.model.alive]
-        errors, onsets = np.minimum(np.array(each), 1.0).reshape(-1, 2, self.stacks.tau.size).swapaxes(0, 1)
+        if not each:
+            return (np.zeros((0, 1, self.stacks.tau.size)),) * 2
+        errors, onsets = np.moveaxis(np.minimum(np.array(each), 1.0), 1, 0)
         return errors, onsets
 
-    def _fails(self, index: int) -> tuple[Floats, Floats]:
-        ends, states = self._ends, self.stacks.line.states
-        flagged = self.stacks.exchange(self.model.stations[index], 1)
-        chain = np.empty((self.stacks.tau.size, 2 * states, 2 * states))
-        for flag, own in enumerate((ends[index], flagged if self.model.absent.probes else ends[index])):
-            for end in (0, 1):
-                rows, columns = (slice(part * states, (part + 1) * states) for part in (flag, end))
-                chain[:, rows, columns] = self._scan([*ends[:index], own, *ends[index + 1 :]], (index, end))
+    def _fails(
+        self, station: Station, clean: Stack, marked: Stack, end_clean: Stack, end_marked: Stack
+    ) -> tuple[Floats, Floats]:
+        """The same of one station, whose exchange lies between these transitions."""
+        states, model, rows = self.stacks.line.states, self.model, []
+        for flagged in (False, True):
+            # Alive, also in the choices in which it is dead: it stands for all of its kind.
+            replied, error = self.stacks.exchange(station, model.attempts_at(flagged=flagged))
+            good = _dot(_dot(clean, replied.zero), end_clean) + _dot(_dot(marked, replied.zero), end_marked)
+            bad = _dot(_dot(clean + marked, error.zero), end_marked)
+            rows.append(np.concatenate((good, bad), axis=1))
+        chain = np.concatenate(rows)
         both = _stationary(chain)
-        onset = (both[:, None, :states] @ chain[:, :states, states:]).sum(axis=(1, 2))
-        again = (both[:, None, states:] @ chain[:, states:, states:]).sum(axis=(1, 2))
+        onset = _dot(both[:, :states], chain[:states, states:]).sum(axis=(0, 1))
+        again = _dot(both[:, states:], chain[states:, states:]).sum(axis=(0, 1))
         return np.asarray(onset + again, dtype=np.float64), np.asarray(onset, dtype=np.float64)
 
     # -- a station's death -------------------------------------------------------------------------
 
     def noticed(self, scan: Floats) -> Floats:
-        """The mean time to notice a death, the longest of all living stations'; ``scan``: the mean scan."""
-        return np.asarray(np.max([self._noticed(s, scan) for s in self._different.values()], axis=0))
+        """The mean time to notice a death, the longest of all living stations', by timeout.
 
-    def _noticed(self, station: Station, scan: Floats) -> Floats:
+        ``scan``: the mean scan; no other station is dead by choice.
+        """
+        return np.asarray(np.max([self.noticed_of(s, scan) for s in self._different.values()], axis=0))
+
+    def noticed_of(self, station: Station, scan: Floats) -> Floats:
+        """The mean time to notice a living station's death."""
         model, index = self.model, self.model.stations.index(station)
         good, bad = (part.still() for part in _carried(self._begun(), self._none, self._ends[:index]))
         replied, error = (end.still() for end in self._ends[index])
@@ -274,9 +325,9 @@ class Scans:
             reached = both.scaled(share).zero
             for left in range(attempts - 1, -1, -1):
                 torn = attempt.failed - attempt.silent
-                ends = (reached @ end for end in (attempt.replied, attempt.silent, torn))
-                tries.append(Attempts(left, *(end.sum(axis=(1, 2)) for end in ends)))
-                reached = reached @ attempt.failed
+                ends = (_dot(reached, end) for end in (attempt.replied, attempt.silent, torn))
+                tries.append(Attempts(left, *(end.sum(axis=(0, 1))[0] for end in ends)))
+                reached = _dot(reached, attempt.failed)
         between = []
         for flagged, after in (
             (False, (good.then(replied), bad.then(replied))),
@@ -286,24 +337,24 @@ class Scans:
             begun = (good.then(self._short) + bad.then(self._long)).then(self._data)
             good, bad = _carried(begun, self._none, self._ends[:index])
             rest = good + bad
-            moments = rest.one.sum(axis=(1, 2)), rest.two.sum(axis=(1, 2))
+            moments = (moment.sum(axis=(0, 1))[0] for moment in (rest.one, rest.two))
             between.append(Between(model.attempts_at(flagged=flagged), *moments))
         return mean_time(model, station, self.stacks.tau, scan, between, tries)
 
 
-def _stationary(step: Stack) -> Floats:
-    """The stationary distribution of each chain of a stack, whose rows add up to 1 but for rounding."""
-    step = step / step.sum(axis=2, keepdims=True)
-    size = step.shape[1]
+def _stationary(step: Stack) -> Stack:
+    """The stationary distribution of each chain, as one row; rows add up to 1 but for rounding."""
+    step = step / step.sum(axis=1, keepdims=True)
+    size = step.shape[0]
     if size == 1:
-        return np.ones(step.shape[:2])
-    system = np.swapaxes(step, 1, 2) - np.eye(size)
-    system[:, -1] = 1.0
-    right = np.zeros((step.shape[0], size, 1))
-    right[:, -1] = 1.0
-    distribution = np.maximum(np.linalg.solve(system, right)[..., 0], 0.0)
+        return np.ones_like(step)
+    system = np.moveaxis(step, (1, 0), (-2, -1)) - np.eye(size)
+    system[..., -1, :] = 1.0
+    right = np.zeros((*system.shape[:-1], 1))
+    right[..., -1, :] = 1.0
+    distribution = np.moveaxis(np.maximum(np.linalg.solve(system, right), 0.0), (-1, -2), (0, 1))
     # Subtraction left errors near 1e-16; 64 steps of the chain wash them out of small weights.
     for _ in range(6):
-        step = step @ step
-    distribution = (distribution[:, None, :] @ step)[:, 0]
+        step = _dot(step, step)
+    distribution = _dot(distribution, step)
     return np.asarray(distribution / distribution.sum(axis=1, keepdims=True), dtype=np.float64)

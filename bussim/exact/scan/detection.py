@@ -15,7 +15,7 @@ from bussim.exact.bursts.state_mixture import Transitions
 from bussim.exact.bursts.timeout_stacks import Attempts, Between, mean_time
 from bussim.exact.link import Station
 from bussim.exact.scan.mixture import Distribution
-from bussim.exact.scan.outages import longest_scan, longest_unnoticed
+from bussim.exact.scan.outages import longest_scan
 from bussim.exact.scan.turnaround_sums import Floats, spread_of
 from bussim.exact.solve import Solved
 
@@ -42,12 +42,6 @@ class Detection:
         model, scan = self.solved.model, self.solved.distribution.mean
         timeout = np.full(1, float(model.timeout))
         return float(mean_time(model, self.station, timeout, scan, found, self.attempts)[0])
-
-    @property
-    def longest(self) -> int:
-        """The longest on a line without errors."""
-        model = self.solved.model
-        return int(longest_unnoticed(model, self.station, np.full(1, float(model.timeout)))[0])
 
     def tail(self, x: Floats) -> Floats:
         """P(time > x), x in ticks."""

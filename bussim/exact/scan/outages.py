@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bussim.exact.bursts.timeout_stacks import Scans, TimeoutStacks
+from bussim.exact.bursts.timeout_stacks import Scans
 from bussim.exact.link import LinkModel, Station
 from bussim.exact.scan.turnaround_sums import Floats
 from bussim.exact.solve import Solved
@@ -85,5 +85,4 @@ def dead_means(solved: Solved, count: int) -> float | None:
     choices = [tuple(station.number for station in chosen) for chosen in combinations(alive, count)]
     if model.absent.probes and not model.noise.memoryless:
         return max(Solved(model.with_dead(*dead)).distribution.mean for dead in choices)
-    stacks = TimeoutStacks(model, np.full(1, float(model.timeout)))
-    return max(float(Scans(stacks, model.attempts, *dead).mean[0]) for dead in choices)
+    return float(Scans(solved.stacks, model.attempts, choices).mean.max())

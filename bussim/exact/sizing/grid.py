@@ -116,11 +116,12 @@ def _fill(grid: Grid, row: int, count: int, stacks: TimeoutStacks, *, details: b
     """The figures with one number of attempts."""
     model, tau, alive = grid.model.with_setting(count, 0), stacks.tau, grid.model.alive
     scans = Scans(stacks, count)
-    grid.mean[row] = scans.mean
-    grid.error_per_scan[row], grid.onset_per_scan[row] = (chances.sum(axis=0) for chances in scans.fails)
+    grid.mean[row] = scans.mean[0]
+    errors, onsets = scans.fails
+    grid.error_per_scan[row], grid.onset_per_scan[row] = errors.sum(axis=0)[0], onsets.sum(axis=0)[0]
     if details and alive:
-        dead = [Scans(stacks, count, station.number).mean for station in different(model).values()]
-        grid.one_dead[row] = np.max(dead, axis=0)
+        choices = [[station.number] for station in different(model).values()]
+        grid.one_dead[row] = Scans(stacks, count, choices).mean.max(axis=0)
         grid.detect_mean[row] = scans.noticed(grid.mean[row])
         longest = [longest_unnoticed(model, station, tau) for station in alive]
         grid.detect_longest[row] = np.max(longest, axis=0)

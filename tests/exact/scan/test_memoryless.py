@@ -253,7 +253,7 @@ def test_properties_of_any_link(model: LinkModel) -> None:
     assert components.weight[components.flagged].sum() == pytest.approx(flag, rel=1e-9, abs=1e-29)
     # The mean from the components and that from the exchanges' moments.
     scans = Scans(TimeoutStacks(model, np.full(1, float(model.timeout))), model.attempts)
-    assert distribution.mean == pytest.approx(float(scans.mean[0]), rel=1e-10)
+    assert distribution.mean == pytest.approx(float(scans.mean[0, 0]), rel=1e-10)
     x = np.linspace(*distribution.support, 300)
     tail = distribution.tail(x)
     assert np.all(np.diff(tail) <= 1e-15)
