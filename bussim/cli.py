@@ -100,8 +100,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Everything that ends a command becomes a line on standard error here: never a traceback for a mistake of
     the user, a place that cannot be written, too little memory, or an end that was asked for.
     """
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        stream = getattr(sys, name)
+        if stream is None:  # it is closed: no file of ours may take its number, here or in workers
+            nothing = os.open(os.devnull, os.O_RDWR)
+            os.set_inheritable(nothing, True)  # noqa: FBT003 - it takes no keyword
+            setattr(sys, name, os.fdopen(nothing, mode, encoding="utf-8"))
+        elif mode == "w" and isinstance(stream, io.TextIOWrapper):
             # A file name or a µ that the terminal cannot show must not end the program.
             stream.reconfigure(errors="backslashreplace")
     # Where HOME is empty or cannot be written, matplotlib would warn that it caches its fonts elsewhere.
@@ -110,8 +115,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code = cli.main(
             args=None if arguments is None else list(arguments), prog_name="bussim", standalone_mode=False
         )
-        if sys.stdout is not None:  # it is closed
-            sys.stdout.flush()
+        sys.stdout.flush()
     except (click.Abort, KeyboardInterrupt) as error:
         cause = error.__cause__ or error  # click makes an Abort of every interrupt
         _say(str(cause) or "stopped")
@@ -154,8 +158,7 @@ def _say(text: str) -> None:
 
 def _discard_output() -> None:
     """Keep what could not be written from being written once more, with a complaint, when Python ends."""
-    if sys.stdout is not None:
-        with contextlib.suppress(OSError):
-            sys.stdout.flush()
-            return
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    with contextlib.suppress(OSError):
+        sys.stdout.flush()
+        return
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
