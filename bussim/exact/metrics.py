@@ -159,7 +159,11 @@ class Figures:
                 mean = say("exact_random_mean", mean=ms_cell(self.random.mean))
                 said.append(say("exact_random", others=[mean, *others]))
         if self.model.alive and self.onsets_per_year is not None:
-            said.append(years_between(self.onsets_per_year, noisy=self.model.noisy))
+            on = [each.name for each in self.model.alive if self.error_per_scan[each.number] > 0]
+            if on and not self.onsets_per_year:  # it never goes off
+                said.append(f"with the noise as entered the error flag of {', '.join(on)} is always on")
+            else:
+                said.append(years_between(self.onsets_per_year, noisy=self.model.noisy))
         never = [pair for pair, refresh in self.refresh.items() if refresh.mean is None]
         if never:
             key = "exact_no_blocks_noise" if self.model.noisy else "exact_no_blocks"

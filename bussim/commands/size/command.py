@@ -161,7 +161,8 @@ def command(
         from bussim.commands.size.measured import longest_responses
 
         seen = longest_responses(Path(responses))
-    sized = size(loaded, goals, seen)
+    with busy("sizing"):
+        sized = size(loaded, goals, seen)
     found, ports = sized.links, sized.ports
     folder, stems = None, {}
     if out is not None and target is None:

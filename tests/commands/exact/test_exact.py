@@ -333,6 +333,19 @@ def test_a_deaf_slave_has_valid_json() -> None:
     assert found["links"]["link"]["refresh_gap_ms"]["crane->hoist"]["mean"] is None
 
 
+def test_a_flag_that_is_always_on_is_no_lack_of_errors() -> None:
+    result = invoke(exact, "two_stations", "--set", "noise=[{bus: link, station: feeder, reply_loss: 1}]")
+    assert "with the noise as entered the error flag of feeder is always on" in result.stdout
+    assert "no false station error" not in result.stdout
+
+
+def test_slaves_that_hear_nothing_have_a_law() -> None:
+    """What they remember then never changes, so that their chain has more than one stationary law."""
+    noise = "{bus: link, ber: 0.999999999999}, {bus: link, station: hoist, ber: 1}"
+    found = link(exact, "electrical_noise", "--set", f"noise=[{noise}]")
+    assert found["refresh_gap_ms"]["crane->grab"]["mean"] is None  # type: ignore[index]
+
+
 @pytest.mark.slow
 def test_bursts_in_which_alone_frames_arrive_have_a_mean_and_a_bound() -> None:
     found = link(exact, str(Path(__file__).parents[2] / "exact" / "cases" / "nothing_arrives.yaml"))
