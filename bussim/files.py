@@ -114,6 +114,23 @@ def is_bad_path(error: OSError) -> bool:
     return error.errno in _BAD_PATHS
 
 
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """While it is open, UsageError with the reason is raised where the path cannot be read."""
+    try:
+        yield
+    except OSError as error:
+        raise UsageError(f"{path} cannot be read: {error.strerror or error}") from error
+
+
+def followed(path: Path) -> Path:
+    """The absolute path without symbolic links, there or not. Raises OSError for a loop of links."""
+    found = os.path.realpath(path)
+    if os.path.islink(found):  # noqa: PTH114 - that one raises where a folder may not be entered
+        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path))
+    return Path(found)
+
+
 def plain(path: Path) -> Path:
     """The path of a plain file, which can be read without waiting. Raises OSError for anything else."""
     mode = path.stat().st_mode

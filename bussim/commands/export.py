@@ -11,6 +11,7 @@ from bussim.commands.common.output import print_json
 from bussim.commands.common.scenario_options import time_of
 from bussim.errors import UsageError
 from bussim.export.formats import FORMATS
+from bussim.files import reading
 
 if TYPE_CHECKING:
     from bussim.export.selection import Written
@@ -70,11 +71,12 @@ def command(
         raise UsageError(f"--encap goes with --to pcapng, not with {fmt}")
     start, stop = _window(since, until)
     folder = Path(run)
-    if not folder.exists():
-        raise UsageError(f"{folder} does not exist; name the folder of a run")
-    if folder.is_dir() and not (folder / TRACE).is_file():
-        load_run(folder)  # raises UsageError for a folder that is not a run's
-        raise UsageError(f"{folder} has no trace to export; get one with {traced_again(folder)}")
+    with reading(folder):
+        if not folder.exists():
+            raise UsageError(f"{folder} does not exist; name the folder of a run")
+        if folder.is_dir() and not (folder / TRACE).is_file():
+            load_run(folder)  # raises UsageError for a folder that is not a run's
+            raise UsageError(f"{folder} has no trace to export; get one with {traced_again(folder)}")
     trace = read_trace(folder)
     path = _default(folder, fmt, trace, bus) if out is None else Path(out)
     target = checked_target(path, [FORMATS[fmt].ending], force=force)

@@ -11,6 +11,7 @@ import click
 
 from bussim.commands.common.scenario_options import code_option
 from bussim.errors import ScenarioError, UsageError
+from bussim.files import followed, plain
 
 if TYPE_CHECKING:
     from bussim.exact.metrics import Figures
@@ -73,7 +74,7 @@ def report(
         many = f"{len(runs)} runs on one page cannot be distinguished; at most {_MOST_RUNS}"
         raise UsageError(many if runs else "no run to report: name the folder of one at least")
     folders = [Path(run) for run in runs]
-    resolved = [folder.resolve() for folder in folders]
+    resolved = [followed(folder) for folder in folders]
     for folder, whole in zip(folders, resolved, strict=True):
         if resolved.count(whole) > 1:
             raise UsageError(f"{folder} is named twice")
@@ -160,13 +161,13 @@ def _scenario(folder: Path) -> str:
 
     path = folder / SCENARIO
     try:
-        if path.stat().st_size > _LARGEST:
+        if plain(path).stat().st_size > _LARGEST:
             raise UsageError(f"{path} is larger than any scenario ({_LARGEST:,} bytes)")
         return path.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise UsageError(f"{path} is missing: {folder} is not the whole folder of a run") from None
     except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"{path} cannot be read: {error}") from error
+        raise UsageError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from error
 
 
 def _distributions(folder: Path, *, allow_code: bool) -> dict[str, ExactDistribution]:

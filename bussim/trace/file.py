@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, TextIO, TypeVar, assert_never, cast
 
 from bussim.errors import UsageError
-from bussim.files import INCOMPLETE, plain
+from bussim.files import INCOMPLETE, plain, reading
 from bussim.trace.codec import Line, from_line, header_line, header_of, to_line, type_of
 from bussim.trace.records import (
     AttemptRecord,
@@ -162,12 +162,13 @@ def read_trace(path: str | os.PathLike[str]) -> Trace:
     last line that was cut off, as of a recording that was killed, is left out.
     """
     location = Path(path)
-    if location.is_dir():
-        if not (location / TRACE).is_file():
-            raise UsageError(f"{location} has no {TRACE}: it was run without a trace (--trace)")
-        location /= TRACE
-    file = _File(location)
-    is_cut = file.lacks_its_end() or location.with_name(INCOMPLETE).is_file()
+    with reading(location):
+        if location.is_dir():
+            if not (location / TRACE).is_file():
+                raise UsageError(f"{location} has no {TRACE}: it was run without a trace (--trace)")
+            location /= TRACE
+        file = _File(location)
+        is_cut = file.lacks_its_end() or location.with_name(INCOMPLETE).is_file()
     return Trace(file.header, file.records, is_cut=is_cut)
 
 
@@ -227,8 +228,6 @@ class _File:
             return plain(self._path).open(encoding="utf-8")
         except FileNotFoundError:
             raise UsageError(f"{self._path} does not exist") from None
-        except OSError as error:
-            raise UsageError(f"{self._path} cannot be read: {error.strerror or error}") from error
 
 
 def _next(file: TextIO) -> str:

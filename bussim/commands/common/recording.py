@@ -12,6 +12,7 @@ import click
 
 from bussim.commands.common.port_options import parity_of, with_options
 from bussim.errors import UsageError
+from bussim.files import reading
 
 if TYPE_CHECKING:
     from bussim.line.characters import LineTiming
@@ -121,8 +122,8 @@ class OpenLine:
 
 def is_recording(source: str) -> bool:
     """Whether a source is a file or folder, and not a device of the system."""
-    path = Path(source)
-    return path.is_dir() or path.is_file()
+    with reading(Path(source)):
+        return Path(source).is_dir() or Path(source).is_file()
 
 
 def open_line(

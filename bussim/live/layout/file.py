@@ -11,7 +11,7 @@ from pydantic import Field
 
 from bussim.engines.nn.frames import KIND_NAMES
 from bussim.errors import Problem, ScenarioError, UsageError
-from bussim.files import plain
+from bussim.files import plain, reading
 from bussim.forms.fields import choice, fail, one_of, whole
 from bussim.forms.form import Model
 from bussim.forms.kind import Kind
@@ -164,11 +164,8 @@ def _check(form: _LayoutIn, report: Report) -> None:
 
 def load_layout(path: Path) -> Layout:
     """The layout of a file. Raises UsageError where it cannot be read, ScenarioError where it is wrong."""
-    try:
-        with plain(path).open("rb") as file:
-            text = file.read(_MOST_BYTES + 1)
-    except OSError as error:
-        raise UsageError(f"{path} cannot be read: {error.strerror or error}") from error
+    with reading(path), plain(path).open("rb") as file:
+        text = file.read(_MOST_BYTES + 1)
     if len(text) > _MOST_BYTES:
         raise UsageError(f"{path} has more than {_MOST_BYTES:,} bytes: it is no layout")
     return parse_layout(text, str(path))

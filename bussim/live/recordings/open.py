@@ -6,6 +6,7 @@ from enum import Enum
 from pathlib import Path
 from typing import assert_never
 
+from bussim.files import reading
 from bussim.live.recordings.errors import RecordingError
 from bussim.live.recordings.frames import TraceFile, open_trace
 from bussim.live.recordings.packets import PCAP_MAGICS, PacketFile
@@ -24,13 +25,11 @@ class Kind(Enum):
 
 def kind_of(path: Path) -> Kind:
     """What a file or a run's folder is, by its first bytes. Raises RecordingError if it cannot be read."""
-    if path.is_dir():
-        return Kind.TRACE
-    try:
+    with reading(path):
+        if path.is_dir():
+            return Kind.TRACE
         with path.open("rb") as file:
             head = file.read(64)
-    except OSError as error:
-        raise RecordingError(f"{path} cannot be read: {error.strerror or error}") from error
     if head.startswith(b"\n\r\r\n") or head[:4] in PCAP_MAGICS:
         return Kind.PACKETS
     if head.startswith(b"PK"):

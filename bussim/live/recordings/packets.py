@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 from bussim.engines.contract import RxChar
+from bussim.files import reading
 from bussim.live.arrival import placed
 from bussim.live.recordings.errors import RecordingError
 from bussim.live.recordings.source import PROGRESS_EVERY, Chunk, Facts, LineSetup, Source
@@ -239,10 +240,8 @@ class PacketFile(Source):
         self.resolution = -(-TICKS_PER_SECOND // self.interface.per_second)
 
     def _opened(self) -> BinaryIO:
-        try:
+        with reading(self._path):
             return self._path.open("rb")
-        except OSError as error:
-            raise RecordingError(f"{self._path} cannot be read: {error.strerror or error}") from error
 
     def _wire(self, reader: PacketReader, number: int) -> int:
         """The wire of an interface, -1 if it is not read."""

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TextIO
 
 from bussim.engines.contract import RxChar
+from bussim.files import reading
 from bussim.live.arrival import PARITY, STOP, Arrivals, Timed, placed
 from bussim.live.recordings.errors import RecordingError
 from bussim.live.recordings.rows import (
@@ -88,7 +89,7 @@ class TextFile(Source):
         self.resolution = 0  # once it is known how times are written
 
     def _opened(self) -> TextIO:
-        try:
+        with reading(self._path):
             with self._path.open("rb") as file:
                 begin = file.read(65_536)
             encoding = next((name for bom, name in _BOMS.items() if begin.startswith(bom)), "utf-8")
@@ -99,8 +100,6 @@ class TextFile(Source):
                 runs = [len(run) % 2 for run in _NOT_ASCII.findall(begin)]
                 encoding = "cp1252" if 2 * sum(runs) >= len(runs) else "gb18030"
             return self._path.open(encoding=encoding, errors="replace")
-        except OSError as error:
-            raise RecordingError(f"{self._path} cannot be read: {error.strerror or error}") from error
 
     def _rows(self, lines: Iterable[str], *, decimal_comma: bool) -> Rows:
         if self._saleae:

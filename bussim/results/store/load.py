@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bussim.errors import UsageError
-from bussim.files import INCOMPLETE
+from bussim.files import INCOMPLETE, plain, reading
 from bussim.results.run_record import RunRecord
 from bussim.results.store.folder import HISTOGRAMS, SUFFIX, SUMMARY
 from bussim.results.store.in_memory import frame
@@ -35,17 +35,20 @@ def load_run(folder: Path) -> RunRecord:
     Raises UsageError if it is no such folder, is incomplete or damaged, or was written by a newer
     bussim with another schema.
     """
-    if not folder.is_dir():
-        part = folder.with_name(folder.name + SUFFIX)
-        hint = f"; {part} is a run that was not finished" if folder.name and part.is_dir() else ""
-        what = "is a file, not the folder of a run" if folder.exists() else "does not exist"
-        raise UsageError(f"{folder} {what}{hint}")
-    if (folder / INCOMPLETE).is_file():
-        raise UsageError(f"{folder} is incomplete: its run was stopped before it had finished; run it again")
-    if not (folder / SUMMARY).is_file():
-        runs = sorted(path.parent.name for path in folder.glob(f"*/{SUMMARY}"))
-        hint = f"; folders of runs in it: {', '.join(runs[:5])}" if runs else ""
-        raise UsageError(f"{folder} is not the folder of a run: it has no {SUMMARY}{hint}")
+    with reading(folder):
+        if not folder.is_dir():
+            part = folder.with_name(folder.name + SUFFIX)
+            hint = f"; {part} is a run that was not finished" if folder.name and part.is_dir() else ""
+            what = "is a file, not the folder of a run" if folder.exists() else "does not exist"
+            raise UsageError(f"{folder} {what}{hint}")
+        if (folder / INCOMPLETE).is_file():
+            raise UsageError(
+                f"{folder} is incomplete: its run was stopped before it had finished; run it again"
+            )
+        if not (folder / SUMMARY).is_file():
+            runs = sorted(path.parent.name for path in folder.glob(f"*/{SUMMARY}"))
+            hint = f"; folders of runs in it: {', '.join(runs[:5])}" if runs else ""
+            raise UsageError(f"{folder} is not the folder of a run: it has no {SUMMARY}{hint}")
     summary = _read_json(folder / SUMMARY)
     _check_schema(folder / SUMMARY, summary)
     try:
@@ -87,7 +90,7 @@ class FolderRows:
         """The lines of ``trace.jsonl``."""
         path = self._folder / TRACE
         try:
-            with path.open(encoding="utf-8") as lines:
+            with plain(path).open(encoding="utf-8") as lines:
                 return [strict_json(line) for line in lines]
         except FileNotFoundError:
             raise UsageError(f"{self._folder} has no {TRACE}: {_NO_TRACE}") from None
@@ -138,7 +141,7 @@ def _load_table(path: Path, kinds: Mapping[str, Kind]) -> pd.DataFrame:
 
 def _read_json(path: Path) -> dict[str, Any]:
     try:
-        size = path.stat().st_size
+        size = plain(path).stat().st_size
         if size > _LARGEST:
             raise UsageError(f"{path} has {size:,} bytes, more than any run writes ({_LARGEST:,})")
         data = _visible(strict_json(path.read_text(encoding="utf-8")))

@@ -1,12 +1,15 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from bussim.commands.report import report
 from bussim.errors import UsageError
 from bussim.results.store.folder import INCOMPLETE
 from bussim.results.store.load import FolderRows, load_run
@@ -134,3 +137,12 @@ def test_a_damaged_trace(folder: Path) -> None:
     (folder / "trace.jsonl").write_text("{}\n{")
     with pytest.raises(UsageError, match=r"trace\.jsonl cannot be read"):
         FolderRows(folder).trace()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes of POSIX")
+@pytest.mark.parametrize("name", ["histograms.json", "scenario.yaml"])
+def test_a_pipe_in_a_run_is_not_waited_for(name: str, folder: Path) -> None:
+    (folder / name).unlink()
+    os.mkfifo(folder / name)
+    with pytest.raises(UsageError, match=rf"{name} cannot be read: it is a pipe"):
+        report(folder)
