@@ -55,6 +55,24 @@ def test_standard_output_that_is_full_or_closed(words: list[str], tmp_path: Path
 
 
 @posix
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["exact", "two_stations"],
+        pytest.param(
+            ["sweep", "two_stations", "--duration", "1s", "--vary", "seed=1,2", "--workers", "2"],
+            marks=pytest.mark.slow,
+        ),
+    ],
+    ids=lambda words: words[0],
+)
+def test_streams_that_are_closed_are_no_failure(words: list[str], tmp_path: Path) -> None:
+    """As those of what a system's timer starts; no file of ours may take the place of one."""
+    assert ended(*words, cwd=tmp_path, preexec_fn=lambda: os.close(2))[0] == 0
+    assert ended(*words, cwd=tmp_path, preexec_fn=lambda: os.closerange(0, 3))[0] == 0
+
+
+@posix
 def test_a_reader_that_went_away(tmp_path: Path) -> None:
     reading, writing = os.pipe()
     os.close(reading)
@@ -78,6 +96,25 @@ def test_what_is_no_scenario_file(command: str, tmp_path: Path, capsys: pytest.C
         error = capsys.readouterr().err
         assert word in error, name
         assert error.count("\n") == 1
+
+
+@posix
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["report", "loop"],
+        ["run", "two_stations", "--out", "loop"],
+        ["sweep", "two_stations", "--vary", "seed=1", "--out", "loop"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_link_that_leads_to_itself(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("loop").symlink_to("loop")
+    assert main(words) == 2
+    assert capsys.readouterr() == ("", "Error: loop: Too many levels of symbolic links\n")
 
 
 def obey_modes() -> None:
@@ -130,6 +167,18 @@ def test_a_folder_that_may_not_be_entered(words: list[str], tmp_path: Path) -> N
     assert "Permission denied" in error
     assert error.count("\n") == 1
     assert code == 1
+
+
+@posix
+@pytest.mark.parametrize(
+    "words", [["report"], ["export", "--to", "vcd"], ["sniff"]], ids=lambda words: words[0]
+)
+def test_a_run_in_a_folder_that_may_not_be_entered_cannot_be_read(words: list[str], tmp_path: Path) -> None:
+    (tmp_path / "locked").mkdir()
+    (tmp_path / "locked").chmod(0)
+    found = ended(*words, "locked/run", cwd=tmp_path, preexec_fn=obey_modes)
+    (tmp_path / "locked").chmod(0o700)
+    assert found == (2, "Error: locked/run cannot be read: Permission denied\n")
 
 
 def test_two_writers_of_one_file(tmp_path: Path) -> None:
@@ -229,14 +278,15 @@ def test_no_json_of_the_program_has_what_is_no_number_of_json() -> None:
     assert [call for call in calls if "allow_nan=False" not in call[2]] == []
 
 
+@pytest.mark.parametrize("place", ["bussim.results.store.folder.FileRows", "pathlib.Path.write_text"])
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(28, "No space left on device")], ids=repr)
 def test_what_ends_a_run_as_its_folder_is_made_leaves_none(
-    error: BaseException, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    error: BaseException, place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def ends(*_: object, **__: object) -> None:
         raise error
 
-    monkeypatch.setattr("bussim.results.store.folder.FileRows", ends)
+    monkeypatch.setattr(place, ends)
     with pytest.raises((KeyboardInterrupt, RunError)):
         RunFolder(tmp_path / "run", rows=True, traced=True, fmt="csv")
     assert not any(tmp_path.iterdir())

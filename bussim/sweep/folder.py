@@ -9,7 +9,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 from bussim.errors import RunError, UsageError
-from bussim.files import LOCK, empty_folder, locked, not_written, reason, remove_folder, written_whole
+from bussim.files import (
+    LOCK,
+    empty_folder,
+    followed,
+    locked,
+    not_written,
+    reason,
+    remove_folder,
+    written_whole,
+)
 from bussim.results.store.folder import SUFFIX, numbered_names
 from bussim.sweep.identity import MANIFEST, differences, manifest_text, read_manifest
 from bussim.sweep.journal import Journal
@@ -66,7 +75,7 @@ class SweepFolder:
         if wanted.name in ("", ".."):
             raise UsageError(f"{wanted} is not a folder that can be made; give it a name, as in sweeps/press")
         if wanted.is_symlink():
-            wanted = wanted.resolve()
+            wanted = followed(wanted)
         self.target = wanted
         try:
             self.state = self._numbered() if numbered else self._found(wanted)
@@ -115,6 +124,9 @@ class SweepFolder:
                     manifest.write_text(manifest_text(self._manifest), encoding="utf-8", newline="\n")
             self._journal = Journal(part / JOURNAL)
         except OSError as error:
+            if self._lock is not None and self.state == "new":  # nothing in it is worth to be kept
+                with contextlib.suppress(OSError):
+                    remove_folder(part, _IDENTITY, self._lock)
             raise not_written(self.target, error) from error
 
     def finish(self, write: Callable[[Path], None]) -> None:

@@ -273,6 +273,19 @@ def test_nothing_is_written_before_it_begins(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_sweep_whose_folder_cannot_be_begun_leaves_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full)
+    made = SweepFolder(tmp_path / "out", {"vary": []})
+    with made as folder, pytest.raises(RunError, match="No space left on device"):
+        folder.begin()
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_full_disk_keeps_what_was_run(
     sweep: Callable[..., SweepResult], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

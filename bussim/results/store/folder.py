@@ -13,7 +13,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from bussim.errors import RunError, UsageError
-from bussim.files import INCOMPLETE, LOCK, empty_folder, locked, not_written, reason, remove_folder
+from bussim.files import INCOMPLETE, LOCK, empty_folder, followed, locked, not_written, reason, remove_folder
 from bussim.results.run_record import RunRecord
 from bussim.results.store.rows import FileRows
 from bussim.results.store.tables import FORMATS, import_pyarrow
@@ -77,7 +77,7 @@ class RunFolder:
         if fmt == "parquet":
             import_pyarrow()
         if target.is_symlink():
-            target = target.resolve()
+            target = followed(target)
         self._force = force
         self._live = live
         self._finished = False
@@ -190,8 +190,12 @@ def _taken(target: Path, *, numbered: bool) -> tuple[Path, Path, BaseFileLock]:
         if numbered and candidate.exists():  # it became whole in between
             remove_folder(part, [INCOMPLETE], lock)
             continue
-        (part / INCOMPLETE).write_text(_MARKER_TEXT, encoding="utf-8", newline="\n")
-        empty_folder(part, [INCOMPLETE, LOCK])
+        try:
+            empty_folder(part, [INCOMPLETE, LOCK])
+            (part / INCOMPLETE).write_text(_MARKER_TEXT, encoding="utf-8", newline="\n")
+        except BaseException:
+            remove_folder(part, [INCOMPLETE], lock)
+            raise
         return candidate, part, lock
     raise AssertionError
 
