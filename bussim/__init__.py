@@ -24,7 +24,17 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from inspect import Signature
 
-    from bussim.api import Result, examine, load, loads, open_run, plot_scan_times, run, timeline
+    from bussim.api import (
+        Result,
+        examine,
+        load,
+        loads,
+        open_run,
+        plot_scan_times,
+        profiles,
+        run,
+        timeline,
+    )
     from bussim.cli import main
     from bussim.commands.fit.recording import fit
     from bussim.commands.report import report
@@ -61,6 +71,7 @@ __all__ = [
     "main",
     "open_run",
     "plot_scan_times",
+    "profiles",
     "report",
     "run",
     "site",
@@ -70,7 +81,17 @@ __all__ = [
 ]
 
 _HOMES = {
-    "bussim.api": ("Result", "examine", "load", "loads", "open_run", "plot_scan_times", "run", "timeline"),
+    "bussim.api": (
+        "Result",
+        "examine",
+        "load",
+        "loads",
+        "open_run",
+        "plot_scan_times",
+        "profiles",
+        "run",
+        "timeline",
+    ),
     "bussim.cli": ("main",),
     "bussim.commands.fit.recording": ("fit",),
     "bussim.commands.report": ("report",),

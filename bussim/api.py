@@ -43,6 +43,7 @@ __all__ = [
     "loads",
     "open_run",
     "plot_scan_times",
+    "profiles",
     "run",
     "timeline",
 ]
@@ -84,6 +85,36 @@ def examine(text: str, *, name: str = "<string>", files: Mapping[str, bytes] | N
     from bussim.scenario import loader
 
     return loader.examine_text(text, name=name, files=files)
+
+
+def profiles() -> dict[str, dict[str, Any]]:
+    """What a link of each profile may be set to, by the profile's name, as plain data.
+
+    ``stations`` (with the master), ``retries`` (D8179) and ``timeout`` (D8180, in 10 ms) are the least and
+    the greatest value, ``default_timeout`` is D8180 at power-on. ``modes`` has for each refresh mode (D8178)
+    how many ``bits`` (M) and ``words`` (D) of a station it carries, and whether the settings table lists it
+    (``documented``); ``set_under`` is the contact under which a program sets the link. ``assumed`` are the
+    settings that no public source gives and that a link's figures and error counts depend on, by their keys
+    in a scenario's ``profile``.
+    """
+    from bussim.engines.nn.frames import MODES
+    from bussim.plc.profiles import ASSUMED_OF_LINKS, MAX_RETRIES, MAX_SLAVES, PROFILES
+
+    return {
+        name: {
+            "stations": [2, MAX_SLAVES + 1],
+            "retries": [0, MAX_RETRIES],
+            "timeout": list(profile.timeout_range),
+            "default_timeout": profile.default_timeout,
+            "modes": {
+                mode: {**MODES[mode]._asdict(), "documented": mode in profile.documented_modes}
+                for mode in profile.modes
+            },
+            "set_under": profile.set_under,
+            "assumed": {key: str(getattr(profile, key)) for key in ASSUMED_OF_LINKS},
+        }
+        for name, profile in PROFILES.items()
+    }
 
 
 def run(

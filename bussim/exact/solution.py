@@ -8,9 +8,12 @@ from os import PathLike
 from typing import TYPE_CHECKING
 
 from bussim.exact.from_scenario import from_scenario
+from bussim.exact.law_points import LawPoints, law_points
 from bussim.exact.metrics import Figures, Request, figures_of
 from bussim.exact.periods import Period, periods_of
 from bussim.exact.sizing.assumptions import rests_on
+from bussim.exact.sizing.noise_levels import LEVELS, with_level
+from bussim.exact.solve import Solved
 from bussim.exact.text import ms_cell
 from bussim.scenario import loader
 from bussim.scenario.model import Scenario
@@ -66,6 +69,32 @@ class Exact:
         # As times of ports and programs are.
         result["rests_on"] = dict.fromkeys(("polls", "latency"), ASSUMED)
         return result
+
+    def law_points(self, bus: str, *, least: float = 1e-9, points: int = 1_300) -> LawPoints:
+        """At most ``points`` points of P(link scan > x) for a drawing, x in ms, down to ``least``.
+
+        Lines between them on a logarithmic axis keep the steps of the distribution. There is none where the
+        figures of the link are not valid.
+
+        Raises KeyError for what is no link, ValueError for ``least`` beyond 0 and 1 and for under two points.
+        """
+        law = self.links[bus].distribution
+        return LawPoints([], []) if law is None else law_points(law, least, points)
+
+    def fan(self, bus: str, *, least: float = 1e-9, points: int = 1_300) -> dict[str, LawPoints]:
+        """The same at each level of noise that is assumed where none is entered: quiet, typical and bad.
+
+        Empty where the noise is entered or the figures are not valid.
+        """
+        figures = self.links[bus]
+        if figures.model.noisy or not figures.valid:
+            return {}
+        models = {name: with_level(figures.model, ber) for name, ber in LEVELS.items()}
+        return {
+            name: law_points(Solved(model).distribution, least, points)
+            for name, model in models.items()
+            if model.valid
+        }
 
     def table(self) -> pd.DataFrame:
         """The figures of the links that are single numbers, one row a link, times in ms."""

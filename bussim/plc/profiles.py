@@ -278,6 +278,9 @@ PROFILES: dict[str, Profile] = {
     ),
 }
 
+#: The fields that a link's figures and error counts depend on and no public source gives.
+ASSUMED_OF_LINKS = ("attempts", "absent_station", "error_count", "reply")
+
 #: Largest number of slaves and of retries (PW10, section 7.4: D8177 1–7, D8179 0–10).
 MAX_SLAVES = 7
 MAX_RETRIES = 10
