@@ -21,10 +21,13 @@ def program() -> NoReturn:
     """
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    from bussim.cli import INTERRUPTED, TERMINATED, Terminated, main
+    from bussim.cli import FAILED, INTERRUPTED, TERMINATED, Terminated, main
 
-    def terminate(*_: object) -> None:
-        raise Terminated
+    asked: list[type[KeyboardInterrupt]] = []
+
+    def end(number: int, _: object) -> None:
+        asked.append(Terminated if number == signal.SIGTERM else KeyboardInterrupt)
+        raise asked[-1]
 
     def unraisable(lost: sys.UnraisableHookArgs) -> None:
         # A signal that comes while a callback of the interpreter runs (of a weak reference, say) would be
@@ -36,11 +39,19 @@ def program() -> NoReturn:
         threading.Timer(_AGAIN_SECONDS, os.kill, (os.getpid(), number)).start()
 
     if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        signal.signal(signal.SIGINT, end)
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
-        signal.signal(signal.SIGTERM, terminate)
+        signal.signal(signal.SIGTERM, end)
     sys.unraisablehook = unraisable
-    code = main()
+    try:
+        code = main()
+    except Exception:
+        if not asked:
+            raise
+        print("stopped", file=sys.stderr)  # noqa: T201 - main() did not say it
+        code = FAILED
+    if asked and code:  # pydantic makes an error of its own of what is raised while it writes a model
+        code = TERMINATED if asked[-1] is Terminated else INTERRUPTED
     if code in (INTERRUPTED, TERMINATED):
         # With -m, Python ends itself by SIGINT (-2, not 130) once an interrupt has left a text's exec(), as
         # dataclasses are made by one, even where it was caught since. What runs at its end is run here.

@@ -163,6 +163,8 @@ def pairs(count: int, folder: Path) -> None:
 
 
 if __name__ == "__main__":
+    # A shell's background job ignores Ctrl-C, and so would all that it starts.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     todo, number = sys.argv[1], int((*sys.argv, "", "0")[2] or 0)
     with tempfile.TemporaryDirectory() as place:
         {"kill": kill, "pairs": pairs}[todo](number or {"kill": 30, "pairs": 16}[todo], Path(place))

@@ -369,7 +369,8 @@ def test_an_interrupt_by_the_terminal_reaches_workers_as_well(wait: float, tmp_p
     assert error.strip().startswith("stopped: ")
 
 
-LOST_IN_A_CALLBACK = """
+#: An interrupt in a callback, and one that a library makes an error of its own of.
+LOST = """
 import os, sys
 import bussim.cli
 from bussim.__main__ import program
@@ -379,24 +380,30 @@ class Callback:
         os.kill(os.getpid(), int(sys.argv.pop()))
 
 def main(real=bussim.cli.main):
-    Callback()
+    {}
     return real()
 
 bussim.cli.main = main
 program()
 """
+CALLBACK = LOST.format("Callback()")
+ERROR = LOST.format("""
+    try:
+        os.kill(os.getpid(), int(sys.argv.pop()))
+    except BaseException:
+        raise ValueError("an error of a library") from None
+""")
 
 
 @posix
 @pytest.mark.usefixtures("interrupts")
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_a_signal_in_a_callback_of_the_interpreter_is_not_lost(
-    number: signal.Signals, code: int, tmp_path: Path
-) -> None:
-    """What is raised in one is only printed: the command would go on to its end."""
+@pytest.mark.parametrize("script", [CALLBACK, ERROR], ids=["callback", "error"])
+def test_a_signal_is_not_lost(number: signal.Signals, code: int, script: str, tmp_path: Path) -> None:
+    """What is raised in a callback is only printed: the command would go on to its end."""
     words = ["run", "--duration", "100h", "--out", "o", str(int(number))]
     process = subprocess.run(
-        [sys.executable, "-c", LOST_IN_A_CALLBACK, *words],
+        [sys.executable, "-c", script, *words],
         capture_output=True,
         check=False,
         text=True,
