@@ -119,7 +119,7 @@ class Desk:
         return {
             "n": asked.n,
             "sizing": {key: value for key, value in sizing.to_json().items() if key not in _LEFT_OUT},
-            "goals": [{"name": name, "form": form} for name, form in sizing.goals.forms().items()],
+            "goals": [{"name": name, "text": text} for name, text in sizing.goals.texts().items()],
             "rows": rows_of(sizing, model),
             "ports": {
                 node: {"recommended": each["recommended"], "reasons": each.get("reasons", [])}

@@ -253,6 +253,7 @@ def serve(workspace: Workspace, above: Above, lang: str, ready: Callable[[str], 
             lifespan="off",
             server_header=False,
             proxy_headers=False,
+            timeout_keep_alive=600,
             timeout_graceful_shutdown=1,
         )
         server = uvicorn.Server(config)

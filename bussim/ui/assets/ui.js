@@ -295,7 +295,9 @@
     for (const input of document.querySelectorAll("[data-counts]")) if (input.value !== "") counts[input.dataset.counts][input.dataset.station] = Number(input.value);
     try {
       const { form, ...rest } = question(), { noise, ...others } = form;
+      get("counters-said").textContent = "…";
       const found = await ask("counters", { ...rest, form: others, ...counts, watched_h: Number(get("watched").value) });
+      if (noiseKind !== "counters") return; // the user chose something else meanwhile
       const entries = found.noise_upper_limits;
       get("counters-said").textContent = word(found.bursts === "seen" ? "counters.bursts" : entries.length ? "counters.found" : "counters.none");
       if (found.bursts !== "seen" && entries.length) set({ noise: { kind: "counters", entries } });
@@ -307,7 +309,7 @@
   });
   for (const id of ["goal-errors", "goal-ride", "goal-dead", "goal-heartbeat"]) get(id).addEventListener("input", refresh);
   get("without").addEventListener("change", () => { line.without = get("without").checked; refresh(); });
-  get("undo").addEventListener("click", () => { line = JSON.parse(past.pop()); noiseKind = null; refresh(); });
+  get("undo").addEventListener("click", () => { line = JSON.parse(past.pop()); noiseKind = null; get("yaml").value = line.text; refresh(); showForm(); });
   // A wheel over a box would change its value by accident.
   addEventListener("wheel", ({ target }) => { if (target.matches?.("input[type=number], input[type=range]")) target.blur(); }, { passive: true });
 
@@ -321,7 +323,8 @@
       longest: [time(f.worst_case_ms), ""],
       dead: [time(f.one_dead_ms), ""],
       detect: [time(f.detect_ms.mean), word("at_worst", { time: time(f.detect_ms.max) })],
-      errors: [rate(errors.false_errors_per_year, goal), word("a_year") + (here ? ` ${noiseUnknown() ? word("at_bad") : word("entered", { value: rate(f.false_errors_per_year) })}` : "")],
+      errors: [rate(errors.false_errors_per_year, goal), [word("a_year"), !here ? "" : noiseUnknown() ? word("at_bad")
+        : errors.false_errors_per_year > f.false_errors_per_year * 1.01 ? word("entered", { value: rate(f.false_errors_per_year) }) : ""].filter(Boolean).join(word("comma"))],
       ride: [whole(f.ride_through_ms.silence), ""],
     };
   };
@@ -352,7 +355,7 @@
   };
   const showLaw = () => {
     const valid = law.figures?.valid === true;
-    for (const id of ["tiles", "strip", "curve"]) get(id).hidden = !valid;
+    for (const id of ["tiles", "strip", "curve", "comparing"]) get(id).hidden = !valid;
     get("reasons").hidden = !law.figures || (valid && !line.without);
     get("reasons").firstElementChild.hidden = valid;
     get("reasons-list").replaceChildren(...(law.figures?.reasons ?? []).map((text) => node("li", {}, text)));
@@ -361,14 +364,13 @@
     showForm();
     showTiles();
     showNotes();
-    get("run-said").dataset.other = String(runOf !== -1 && runOf !== n);
-    if (runId && runOf !== n) get("of-another")?.removeAttribute("hidden");
+    if (sized?.sizing?.valid && sized.n === law.n) verdict();
     drawCharts();
     busy();
   };
   const verdict = () => {
     const { sizing, goals: wanted } = sized, here = own(), best = sizing.recommended, said_ = get("verdict");
-    const forms = Object.fromEntries(wanted.map(({ name, form }) => [name, form])), parts = [];
+    const forms = Object.fromEntries(wanted.map(({ name, text }) => [name, text])), parts = [];
     if (here) {
       const names = here.misses.length ? here.misses : Object.keys(forms);
       parts.push(word(here.misses.length ? "misses" : "meets", { setting: setting(here), goals: names.map((name) => forms[name]).join(word("comma")) }));
@@ -448,7 +450,7 @@
   const curves = () => {
     const found = noiseUnknown()
       ? law.fan.map((each, place) => ({ law: each.law, colour: css(FAN[place][1]), label: word("level", { level: each.level, value: each.ber < 1e-6 ? (1 / each.ber).toExponential(0).replace("+", "") : oneIn(each.ber) }) }))
-      : [{ law: law.law, colour: css("--law"), label: "" }];
+      : [{ law: law.law, colour: css("--law"), label: kept ? word("trade.now") : "" }];
     if (kept) found.unshift({ law: kept.law, colour: css("--soft"), label: word("kept_curve") });
     return found;
   };
@@ -481,10 +483,11 @@
     dots: () => {
       const best = sized.sizing.recommended, here = own();
       return (sized.rows ?? []).slice(0, -1).map((row) => ({ x: row.one_dead_ms, y: row.false_errors_per_year, row, label: String(row.D8179),
-        isBest: best !== null && best.attempts === row.attempts && best.D8180 === row.D8180, isNow: row.attempts === here.attempts }));
+        isBest: best !== null && best.attempts === row.attempts && best.D8180 === row.D8180, isNow: row.attempts === here.attempts })).concat(
+        best && best.D8180 !== here?.D8180 ? [{ x: best.one_dead_ms, y: best.false_errors_per_year, row: best, label: `K${best.D8179}`, isBest: true, isNow: false }] : []);
     },
     goal: () => Number(get("goal-errors").value) || 1,
-    choose: ({ row }) => set({ retries: row.D8179 }),
+    choose: ({ row }) => set({ retries: row.D8179, ...(row.D8180 === value("timeout") ? {} : { timeout: row.D8180 }) }),
     tradeText: () => word("trade.text", { setting: own() ? setting(own()) : "" }),
     dotText: ({ row }) => word("trade.point", { setting: setting(row), dead: time(row.one_dead_ms), errors: rate(row.false_errors_per_year) }),
   });
@@ -661,6 +664,7 @@
     past.push(JSON.stringify(line));
     Object.assign(line, { text: get("yaml").value, form: {}, unsaved: true, example: false });
     refresh();
+    showForm();
   });
   get("yaml-part").addEventListener("toggle", async () => {
     if (!get("yaml-part").open || !get("problems").hidden) return;
