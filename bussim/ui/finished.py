@@ -13,9 +13,9 @@ from bussim.report.runs import ExactDistribution
 from bussim.report.scene import MOST_SHAPES, scene_of
 from bussim.report.trace_window import read_window, worst_window
 from bussim.results.store.folder import SCENARIO
+from bussim.results.verdict.catalogue import sentence
 from bussim.trace.file import TRACE, read_trace
 from bussim.words.language import shown, use_language
-from bussim.words.tables import recognised
 
 
 def finished(folder: Path, lang: str) -> dict[str, Any]:
@@ -38,8 +38,8 @@ def finished(folder: Path, lang: str) -> dict[str, Any]:
             window = worst_window(trace, record, bus)
             scene = None if window is None else scene_of(read_window(trace, record, bus, *window))
             if scene is not None and len(scene.boxes) + len(scene.marks) <= MOST_SHAPES:
-                worst[bus] = {**scene_chart(scene, bus), "why": [recognised(text) for text in scene.why]}
-    said = [recognised(each["text"]) for each in record.summary["verdict"]]
+                worst[bus] = {**scene_chart(scene, bus), "why": list(scene.why)}
+    said = [sentence(each) for each in record.summary["verdict"]]
     found = {
         "folder": str(folder),
         "links": record.summary["links"],

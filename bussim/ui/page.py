@@ -4,11 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 from importlib.resources import files
-from typing import Any
 
-from bussim.engines.nn.frames import MODES
-from bussim.exact.sizing.noise_levels import LEVELS
-from bussim.plc.profiles import MAX_RETRIES, MAX_SLAVES, PROFILES
 from bussim.report.document import environment, payload_text, text
 from bussim.version import __version__
 from bussim.words.tables import page_words
@@ -46,20 +42,6 @@ def static(name: str) -> tuple[str, str] | None:
             return "\n".join([*map(text, _SCRIPTS), _own("ui.js")]), "text/javascript"
         case _:
             return None
-
-
-def limits() -> dict[str, Any]:
-    """What each profile allows, and what the page offers, as plain data."""
-    return {
-        "profiles": {
-            name: {"modes": list(profile.modes), "timeout": list(profile.timeout_range)}
-            for name, profile in PROFILES.items()
-        },
-        "modes": [{"bits": block.bits, "words": block.words} for block in MODES],
-        "stations": [2, MAX_SLAVES + 1],
-        "retries": [0, MAX_RETRIES],
-        "levels": LEVELS,
-    }
 
 
 def _own(name: str) -> str:

@@ -3,31 +3,28 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from bussim.errors import UsageError
 from bussim.exact.from_scenario import from_scenario
+from bussim.exact.law_points import LawPoints
 from bussim.exact.link import LinkModel
-from bussim.exact.metrics import tail_curve
-from bussim.exact.scan.mixture import Distribution
 from bussim.exact.sizing.choice import choice_of
-from bussim.exact.sizing.noise_levels import LEVELS, with_level
+from bussim.exact.sizing.noise_levels import LEVELS
 from bussim.exact.sizing.page.items import page_items
 from bussim.exact.sizing.size import Sizing
 from bussim.exact.sizing.sized import Sized, size
 from bussim.exact.solution import exact
-from bussim.exact.solve import Solved
 from bussim.plc.profiles import MAX_RETRIES, attempts_per_poll
 from bussim.report.sizing import sizing_page
 from bussim.ui.guard import Refusal
 from bussim.ui.line import Form, Line, Name, Strict, line_of, values_of
 from bussim.ui.workspace import Workspace
 
-#: The least probability that a curve shows, its points in all, and its digits.
-_LEAST, _POINTS, _DIGITS = 1e-9, 300, 5
-_MOST_POINTS = 1_300
+#: Points of a curve: more than a screen can tell apart.
+_POINTS = 300
 #: Recommendations that are kept.
 _KEPT = 16
 #: What the page does not show of a sizing.
@@ -57,13 +54,6 @@ class SizeAsked(Asked):
     goals: Annotated[tuple[Name, ...], Field(max_length=20, strict=False)] = ()
 
 
-class Curve(NamedTuple):
-    """Points of P(link scan > x), x in ms."""
-
-    x: list[float]
-    y: list[float]
-
-
 class Desk:
     """Answers questions on lines of a workspace, and remembers the recommendations it has worked out."""
 
@@ -89,19 +79,16 @@ class Desk:
         Where the noise is not known, the fan has the distribution at each of its assumed levels.
         """
         line = self.line(asked)
-        found = exact(line.scenario, refresh=False, ignore_faults=asked.without_faults).links
-        if line.bus not in found:
-            return {"n": asked.n, "form": values_of(line), "figures": None}
-        figures = found[line.bus]
-        law = figures.distribution
-        fan = [] if law is None or figures.model.noisy else fan_of(figures.model)
-        return {
-            "n": asked.n,
-            "form": values_of(line),
-            "figures": figures.to_json(),
-            "law": None if law is None else curve_of(law),
-            "fan": fan,
-        }
+        found = exact(line.scenario, refresh=False, ignore_faults=asked.without_faults)
+        answer: dict[str, Any] = {"n": asked.n, "form": values_of(line), "figures": None}
+        if line.bus in found.links:
+            answer["figures"] = found.links[line.bus].to_json()
+            answer["law"] = _short(found.law_points(line.bus, points=_POINTS))
+            fan = found.fan(line.bus, points=_POINTS)
+            answer["fan"] = [
+                {"level": key, "ber": LEVELS[key], "law": _short(law)} for key, law in fan.items()
+            ]
+        return answer
 
     def size(self, asked: SizeAsked) -> dict[str, Any]:
         """What ``bussim size --json`` recommends, and the figures of the setting as it is.
@@ -154,18 +141,9 @@ class Desk:
         return sizing_page(line.scenario.name, page_items(self.sized(asked, line)), asked.lang)
 
 
-def curve_of(law: Distribution) -> Curve:
-    """The tail of a distribution from where all scans are longer."""
-    x, y = tail_curve(law, _LEAST, _POINTS)
-    step = -(-len(x) // _MOST_POINTS)
-    shown = [(float(a), float(f"{b:.{_DIGITS}g}")) for a, b in zip(x[::step], y[::step], strict=True)]
-    return Curve([round(a, 4) for a, _ in shown], [b for _, b in shown])
-
-
-def fan_of(model: LinkModel) -> list[dict[str, Any]]:
-    """The distributions at the levels of noise that are assumed where it is not known."""
-    laws = {name: Solved(with_level(model, rate)).distribution for name, rate in LEVELS.items()}
-    return [{"level": name, "ber": LEVELS[name], "law": curve_of(law)} for name, law in laws.items()]
+def _short(law: LawPoints) -> LawPoints:
+    """Points with as many digits as a screen can show."""
+    return LawPoints([round(x, 4) for x in law.x], [float(f"{y:.5g}") for y in law.y])
 
 
 def rows_of(sizing: Sizing, model: LinkModel) -> list[dict[str, Any]]:

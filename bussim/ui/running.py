@@ -5,7 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import time
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ _EVERY = 0.1
 class Running:
     """A simulation that has been started. ``text`` is its scenario, ``folder`` the one that it writes."""
 
-    def __init__(self, text: str, files: dict[str, bytes], folder: Path, *, trace: bool) -> None:
+    def __init__(self, text: str, files: Mapping[str, bytes], folder: Path, *, trace: bool) -> None:
         context = multiprocessing.get_context("spawn")
         self._end, child = context.Pipe(duplex=False)
         self._process = context.Process(
@@ -55,7 +55,7 @@ class Running:
             self._end.close()
 
 
-def _simulate(end: Connection, text: str, files: dict[str, bytes], folder: Path, trace: bool) -> None:  # noqa: FBT001
+def _simulate(end: Connection, text: str, files: Mapping[str, bytes], folder: Path, trace: bool) -> None:  # noqa: FBT001
     """The process: simulate, and say how far it is."""
     from bussim.api import examine, run
 

@@ -21,7 +21,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, Response, StreamingResponse
 from starlette.routing import Route
 
-from bussim.api import examine
+from bussim.api import examine, profiles
 from bussim.errors import BussimError, ScenarioError, UsageError
 from bussim.exact.solution import exact
 from bussim.scenario.yaml.edit import edit
@@ -29,7 +29,7 @@ from bussim.ui.counters import CountersAsked, noise_of
 from bussim.ui.finished import finished
 from bussim.ui.guard import Guard, Refusal, body_of
 from bussim.ui.line import Name, Strict, field_of
-from bussim.ui.page import limits, page, static
+from bussim.ui.page import page, static
 from bussim.ui.questions import Asked, Desk, SizeAsked
 from bussim.ui.running import Running
 from bussim.ui.workspace import Workspace
@@ -149,7 +149,7 @@ class Service:
         return {
             "version": __version__,
             "lang": self._lang,
-            **limits(),
+            "profiles": profiles(),
             "folder": str(workspace.folder),
             "entries": workspace.listing(),
             "opened": example if opened is None else workspace.read(opened),
@@ -208,7 +208,7 @@ class Service:
             changes["duration"] = f"{asked.duration_s:g} s"
         if asked.seed is not None:
             changes["seed"] = asked.seed
-        text, files = edit(self._desk.line(asked).text, changes), dict(self._workspace.beside(asked.beside))
+        text, files = edit(self._desk.line(asked).text, changes), self._workspace.beside(asked.beside)
         examine(text, files=files).get()
         key = secrets.token_urlsafe(9)
         folder = self._workspace.folder / _RUNS / "ui"

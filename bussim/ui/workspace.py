@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -94,34 +95,34 @@ class Workspace:
         return path.is_file() and path.resolve().is_relative_to(self.folder)
 
 
+@dataclass(frozen=True, slots=True)
 class Beside(Mapping[str, bytes]):
-    """The plain files of a folder by name, read when asked for; no name or link leads out of it."""
+    """The plain files of a folder by name, read when asked for; no name and no link leads out of it."""
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder.resolve()
+    folder: Path
 
     def __getitem__(self, name: str) -> bytes:
-        path = self._folder / name
+        if name not in self:
+            raise KeyError(name)
+        with (self.folder / name).open("rb") as file:
+            return file.read(_MOST_NAMED)
+
+    def __contains__(self, name: object) -> bool:
         try:
-            if Path(name).name == name and path.is_file() and path.resolve().parent == self._folder:
-                with path.open("rb") as file:
-                    return file.read(_MOST_NAMED)
+            path = self.folder / str(name)
+            return path.name == name and path.is_file() and path.resolve().parent == self.folder.resolve()
         except (OSError, ValueError):
-            pass
-        raise KeyError(name)
+            return False
 
     def __iter__(self) -> Iterator[str]:
-        names = (path.name for path in itertools.islice(self._folder.iterdir(), _MOST_FILES))
+        names = (path.name for path in itertools.islice(self.folder.iterdir(), _MOST_FILES))
         return (name for name in names if name in self)
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Beside) and other._folder == self._folder
-
-    def __hash__(self) -> int:
-        return hash(self._folder)
+    def __bool__(self) -> bool:
+        return True  # without looking
 
 
 def _hash(raw: bytes) -> str:

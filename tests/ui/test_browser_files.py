@@ -122,7 +122,7 @@ def test_mistakes_are_jumped_to_mended_and_saved_and_only_they_differ(seen: Seen
     assert (tmp_path / "bad.yaml").read_text("utf-8") == good
     seen.put("#target", "other.yaml")
     seen.click("#save-now")
-    seen.until(lambda: (tmp_path / "other.yaml").exists())
+    seen.until((tmp_path / "other.yaml").exists)
     assert "retries: 9, timeout: 70 ms" in (tmp_path / "other.yaml").read_text("utf-8")
 
 

@@ -177,7 +177,7 @@
     const things = Object.entries(checked.also).map(([key, many]) => word(`also.${key}`, { many }));
     get("also").textContent = things.length ? word("also", { things: things.join(word("comma")) }) : linked ? "" : word("none_here");
     if (!linked) return;
-    const own = limits.profiles[value("profile")] ?? {};
+    const own = limits.profiles[value("profile")];
     get("timeout").min = get("timeout-box").min = checked.timeout_range[0];
     get("timeout").max = get("timeout-box").max = checked.timeout_range[1];
     for (const key of SLIDERS) {
@@ -191,9 +191,9 @@
     get("profile").value = value("profile");
     for (const button of get("mode").children) {
       attribute(button, "aria-pressed", Number(button.dataset.mode) === value("mode"));
-      button.hidden = !(own.modes ?? checked.modes).includes(Number(button.dataset.mode));
+      button.hidden = !(button.dataset.mode in (own?.modes ?? {})) && !checked.modes.includes(Number(button.dataset.mode));
     }
-    get("mode-shown").textContent = word("mode_carries", limits.modes[value("mode")] ?? {});
+    get("mode-shown").textContent = word("mode_carries", Object.values(limits.profiles).map(({ modes }) => modes[value("mode")]).find(Boolean) ?? {});
     for (const button of document.querySelectorAll("[data-reset]")) {
       button.hidden = !(button.dataset.reset in line.form);
       attribute(button, "aria-label", word("reset", { field: word(button.dataset.reset) }));
@@ -315,7 +315,7 @@
 
   // ---- answers ----
   const own = () => sized?.rows?.at(-1);
-  const noiseUnknown = () => law?.fan.length > 0;
+  const noiseUnknown = () => law?.fan?.length > 0;
   const figures = () => {
     const f = law.figures, here = own(), errors = here ?? f, goal = Number(get("goal-errors").value) || Infinity;
     return {
@@ -464,7 +464,7 @@
     kind: (key) => `link.${key}`,
     isSized: () => sized?.sizing?.valid === true,
     curve: () => {
-      if (!law?.law) return null;
+      if (!law?.law?.[0].length) return null;
       const shown = curves(), main = shown[shown.length - 1].law;
       get("curve").dataset.last = JSON.stringify([main[0].at(-1), main[1].at(-1)]);
       get("curve").dataset.curves = String(shown.length);
@@ -501,7 +501,7 @@
   const drawCharts = () => {
     cancelAnimationFrame(pending);
     pending = requestAnimationFrame(() => {
-      if (law?.law) draw("curve", kinds.curve);
+      if (law?.law?.[0].length) draw("curve", kinds.curve);
       if (sized?.sizing?.valid) draw("trade", kinds.trade);
       small();
       const root = document.documentElement;
@@ -512,7 +512,7 @@
   const small = () => {
     const place = get("strip-law");
     place.replaceChildren();
-    if (!law?.law || !place.clientWidth) return;
+    if (!law?.law?.[0].length || !place.clientWidth) return;
     const shown = curves();
     new uPlot({ width: place.clientWidth, height: 60, legend: { show: false }, cursor: { show: false }, padding: [4, 4, 0, 4],
       scales: { x: { time: false, range: () => [0, reach(shown)] }, y: { distr: 3, log: 10, range: () => [1e-9, 1.6] } },
@@ -536,7 +536,7 @@
     get("copied").textContent = word("copied");
   });
   get("keep").addEventListener("click", () => {
-    if (!law?.law || law.n !== n) return;
+    if (!law?.law?.[0].length || law.n !== n) return;
     kept = { law: curves().at(-1).law, shown: figures() };
     get("forget").hidden = false;
     showTiles();
@@ -697,9 +697,9 @@
   const begin = async () => {
     limits = await ask("hello");
     get("profile").replaceChildren(...Object.keys(limits.profiles).map((name) => node("option", { value: name }, name)));
-    get("mode").replaceChildren(...limits.modes.map((_, mode) => {
-      const button = node("button", { type: "button", "data-mode": String(mode) }, String(mode));
-      button.addEventListener("click", () => set({ mode }));
+    get("mode").replaceChildren(...[...new Set(Object.values(limits.profiles).flatMap(({ modes }) => Object.keys(modes)))].sort().map((mode) => {
+      const button = node("button", { type: "button", "data-mode": mode }, mode);
+      button.addEventListener("click", () => set({ mode: Number(mode) }));
       return button;
     }));
     get("menu").open = document.documentElement.clientWidth > 830;
