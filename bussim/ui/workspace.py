@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -102,10 +103,10 @@ class Beside(Mapping[str, bytes]):
     folder: Path
 
     def __getitem__(self, name: str) -> bytes:
-        if name not in self:
-            raise KeyError(name)
-        with (self.folder / name).open("rb") as file:
-            return file.read(_MOST_NAMED)
+        if name in self:
+            with suppress(OSError), (self.folder / name).open("rb") as file:
+                return file.read(_MOST_NAMED)
+        raise KeyError(name)
 
     def __contains__(self, name: object) -> bool:
         try:
