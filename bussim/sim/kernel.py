@@ -3,12 +3,6 @@
 One SimPy event object serves one timer for ever: making an event, and a generator to wait for it, would
 cost more than what is done at it. Setting a timer that is already set leaves its old entry in the queue
 (a heap has no cheap removal); when that one comes up it is recognised by its time and ignored.
-
-Chaining: what an action schedules is nearly always the very next thing to happen, a frame's end after its
-start, a reply after its poll. Such a timer is not queued but kept in ``Kernel.chained``, and carried out
-right after the action if SimPy's next event lies later: a comparison in place of a heap's push and pop.
-Any other timer that is set meanwhile sends the chained one to the queue first, so that timers of one tick
-and priority fire in the order in which they were set, chained or not.
 """
 
 from __future__ import annotations
@@ -60,36 +54,9 @@ class Timer:
     def set(self, at: int) -> None:
         """Arm (or re-arm) it for a tick, not before now."""
         if self.at != at:
-            self.at = at
-            chained = self._kernel.chained
-            if chained is not None:
-                chained.unchain()  # it was armed earlier: its entry must come first
-            self._schedule()
-
-    def chain(self, at: int) -> None:
-        """Arm it for a tick at which most likely nothing else comes first (see the module).
-
-        The order of events is the same as with :meth:`set`.
-        """
-        self.at = at
-        kernel = self._kernel
-        if kernel.chained is None:
-            kernel.chained = self
-        else:
-            # Two at once: both into the queue, in the order in which they were armed.
-            kernel.chained.unchain()
-            self._schedule()
-
-    def unchain(self) -> None:
-        """Put a chained timer into SimPy's queue."""
-        self._kernel.chained = None
-        if self.at >= 0:
-            self._schedule()
-
-    def _schedule(self) -> None:
-        kernel, at = self._kernel, self.at
-        # As Environment.schedule does it: its calls were a tenth of all.
-        heappush(kernel.queue, (at, self.priority, next(kernel.order), self._event))
+            self.at, kernel = at, self._kernel
+            # As Environment.schedule does it: its calls were a tenth of all.
+            heappush(kernel.queue, (at, self.priority, next(kernel.order), self._event))
 
     def cancel(self) -> None:
         """Disarm it."""
@@ -97,45 +64,26 @@ class Timer:
 
     def _fire(self, event: simpy.Event) -> None:
         event.callbacks = self._callbacks
-        kernel = self._kernel
-        queue = kernel.queue
-        at = self.at
-        if at != kernel.env._now:  # noqa: SLF001 - the property costs a call at every event
-            return
-        kernel.now = at
-        self.at = _UNSET
-        self._action(at)
-        timer = kernel.chained
-        while timer is not None:
-            kernel.chained = None
-            at = timer.at
-            if at >= 0:
-                # At SimPy's next tick the queue decides the order, by priority.
-                if (queue and at >= queue[0][0]) or at >= kernel._limit:  # noqa: SLF001 - its own
-                    timer.unchain()
-                    return
-                kernel.now = at
-                timer.at = _UNSET
-                timer._action(at)  # noqa: SLF001 - another timer of this kernel
-            timer = kernel.chained
+        kernel, at = self._kernel, self.at
+        if at == kernel.env._now:  # noqa: SLF001 - the property costs a call at every event
+            kernel.now = at
+            self.at = _UNSET
+            self._action(at)
 
 
 class Kernel:
     """The simulated clock.
 
-    ``now`` is the current tick. It may be ahead of SimPy's own clock, never of SimPy's next event:
-    a chained timer is carried out without going through the queue (:meth:`Timer.chain`).
+    ``now`` is the current tick. It may be ahead of SimPy's own clock, never of SimPy's next event.
     """
 
-    __slots__ = ("_faults", "_limit", "_stop", "behind", "chained", "env", "made", "now", "order", "queue")
+    __slots__ = ("_faults", "_stop", "behind", "env", "made", "now", "order", "queue")
 
     def __init__(self) -> None:
         self.env = simpy.Environment(initial_time=0)
         #: SimPy's queue of (tick, priority, order, event), and what numbers its entries.
         self.queue, self.order = self.env._queue, self.env._eid  # noqa: SLF001 - see Timer
         self.now = 0
-        self.chained: Timer | None = None
-        self._limit = NEVER  # chained timers from here on go into the queue
         #: Where not None: takes the timers that are made.
         self.made: list[Timer] | None = None
         #: Among those of one tick and kind, what timers that are made now come behind.
@@ -168,8 +116,6 @@ class Kernel:
 
         What some timers do is passed over.
         """
-        if self.chained is not None:  # set while no action ran
-            self.chained.unchain()
         queue = self.queue  # where timers that were set anew have entries with another tick
         if but:
             timers = [(int(at), event._value) for at, _, _, event in queue]  # noqa: SLF001 - see Timer
@@ -180,10 +126,9 @@ class Kernel:
 
     def pass_events(self, tick: int, priority: int) -> None:
         """Within an action: do what happens before a tick, or at it with a more urgent priority."""
-        self._limit, queue, end = tick, self.queue, (tick, priority)
+        queue, end = self.queue, (tick, priority)
         while queue and queue[0][:2] < end:
             self.env.step()
-        self._limit = NEVER
 
     def run(self, until: int, watch: Callable[[int], None] | None = None) -> None:
         """Do everything before the tick ``until``; ``watch`` is called with the tick now and then."""

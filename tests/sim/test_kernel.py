@@ -11,18 +11,15 @@ from bussim.sim.kernel import DEADLINES, FAULT, HEARING, SENDING, Kernel, Timer
 
 PRIORITIES = (FAULT, HEARING, DEADLINES, SENDING)
 TIMERS = 5
-#: What an action does to a timer: which one, to what (None: cancel), and whether chaining is allowed.
-OPS = st.lists(
-    st.tuples(st.integers(0, TIMERS - 1), st.none() | st.integers(0, 6), st.booleans()), max_size=3
-)
+#: What an action does to a timer: which one, and to what (None: cancel).
+OPS = st.lists(st.tuples(st.integers(0, TIMERS - 1), st.none() | st.integers(0, 6)), max_size=3)
 
 
 @dataclass
 class Play:
     """Timers whose nth firing does the nth list of things."""
 
-    script: list[list[tuple[int, int | None, bool]]]
-    chaining: bool
+    script: list[list[tuple[int, int | None]]]
     kernel: Kernel = field(default_factory=Kernel)
     log: list[tuple[int, int]] = field(default_factory=list)
 
@@ -40,35 +37,28 @@ class Play:
 
         return fire
 
-    def do(self, ops: list[tuple[int, int | None, bool]]) -> None:
-        for number, delay, chain in ops:
+    def do(self, ops: list[tuple[int, int | None]]) -> None:
+        for number, delay in ops:
             timer = self.timers[number]
             if delay is None:
                 timer.cancel()
-            elif chain and self.chaining and timer.at < 0:
-                timer.chain(self.kernel.now + delay)
             else:
                 timer.set(self.kernel.now + delay)
 
 
 @given(first=OPS, script=st.lists(OPS, max_size=30), steps=st.lists(st.integers(1, 9), max_size=12))
-def test_chained_timers_fire_when_and_in_the_order_in_which_set_ones_do(
-    first: list[tuple[int, int | None, bool]],
-    script: list[list[tuple[int, int | None, bool]]],
-    steps: list[int],
+def test_timers_fire_alike_in_steps_of_any_size(
+    first: list[tuple[int, int | None]], script: list[list[tuple[int, int | None]]], steps: list[int]
 ) -> None:
-    plays = [Play(script, chaining) for chaining in (False, True)]
-    for play in plays:
-        play.do(first)
-        play.kernel.run(1000)
-    # In steps of any size too.
-    stepwise = Play(script, chaining=True)
+    play, stepwise = Play(script), Play(script)
+    play.do(first)
+    play.kernel.run(1000)
     stepwise.do(first)
     for step in steps:
         stepwise.kernel.run(stepwise.kernel.now + step)
     stepwise.kernel.run(1000)
-    assert plays[0].log == plays[1].log == stepwise.log
-    ticks = [tick for tick, _ in plays[0].log]
+    assert play.log == stepwise.log
+    ticks = [tick for tick, _ in play.log]
     assert ticks == sorted(ticks)
 
 

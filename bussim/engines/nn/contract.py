@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Protocol, TypeVar
 
 from bussim.engines.contract import OWN_HINTS, Engine
-from bussim.engines.nn.frames import Frame, encode_data
+from bussim.engines.nn.frames import Frame, FrameReader, encode_data
 
 #: Hint: the frame's block was accepted as its station's newest image.
 STORED = OWN_HINTS
@@ -31,6 +31,9 @@ class NnEngine(Engine[Frame, EventT], Protocol[EventT]):
     def __init__(self) -> None:
         super().__init__()
         self._encoded = {}
+
+    def follow(self, reader: FrameReader) -> int:
+        """Receive the characters that a reader has taken since the line was idle; returns OPEN or 0."""
 
     def data_frame(self, station: int, counter: int) -> Frame:
         """The data frame with :attr:`image`, encoded once for each counter while that stays the same."""

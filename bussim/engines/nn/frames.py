@@ -25,6 +25,7 @@ poll: up to the counter).
 from __future__ import annotations
 
 from binascii import hexlify
+from collections.abc import Iterable
 from typing import Final, NamedTuple
 
 SOH: Final = 0x01
@@ -246,6 +247,25 @@ class FrameReader:
         buffer = self._buffer
         buffer.append(value)
         return self._complete() if self._ends_here() else None
+
+    def take(self, chars: Iterable[tuple[int, RxCharLike]]) -> int:
+        """Take characters, each with its first edge, up to one that may end something; returns how many."""
+        taken = 0
+        for start, char in chars:
+            value, parity_ok, stop_ok = char
+            header = parity_ok and stop_ok and value in HEADERS
+            held = self._sound and not header and self._header is not None
+            ends = self._header != STX or ETX in self._buffer[-2:] or len(self._buffer) >= _MAX_CHARS
+            if (header and self.length) or (held and ends):
+                break
+            self.character(char, start)
+            taken += 1
+        return taken
+
+    def follow(self, other: FrameReader) -> None:
+        """Receive what another reader has taken, both from a silence on."""
+        self._buffer, self.start = other._buffer.copy(), other.start
+        self._header, self._sound, self.length = other._header, other._sound, other.length
 
     def reject(self, frame: Frame, start: int) -> None:
         """A whole frame was heard that cannot be right here (another mode's length): damage."""

@@ -141,6 +141,14 @@ class Master(NnEngine[MasterEvent]):
             self._other_characters = True
         return OPEN
 
+    def follow(self, reader: FrameReader) -> int:
+        """See the base class."""
+        if self.state is not MasterState.REPLY:
+            return 0
+        self._reader.follow(reader)
+        self._other_characters |= not reader.in_frame
+        return OPEN
+
     def receive_frame(self, frame: Frame, start: int, end: int) -> int:
         """A whole undamaged frame; the same as its characters one by one."""
         if self.state is not MasterState.REPLY:

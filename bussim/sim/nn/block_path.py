@@ -183,8 +183,6 @@ class BlockPath:
         self._record(stations, scans, now)
         self._kernel.now = scans.end
         port.handle(master.pass_scans(scans), scans.end)
-        if self._kernel.chained is not None:  # each block is an event, so that others may look in between
-            self._kernel.chained.unchain()
 
     def _record(self, stations: _Stations, scans: OrdinaryScans, now: int) -> None:
         """Keep the blocks that some END may still ask for, and tell what has happened."""

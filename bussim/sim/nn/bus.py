@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
+from bussim.engines.contract import OPEN
 from bussim.engines.nn.contract import STORED
-from bussim.engines.nn.frames import DATA, KIND_NAMES, Frame
+from bussim.engines.nn.frames import DATA, KIND_NAMES, Frame, FrameReader
 from bussim.line.characters import LineTiming
 from bussim.sim.independent import Part
 from bussim.sim.kernel import DEADLINES, Kernel
@@ -35,6 +36,7 @@ class LinkBus(Line):
         self.reporter: LinkReporter = reporter
         self.block_history = BlockHistory()
         self.block_path = BlockPath(self, kernel)
+        self._kernel = kernel
         self._deadlines = kernel.timer(self._on_deadlines, DEADLINES)
         self._others = 0
         #: How long a data frame lasts, in ticks; 0 on a link without a working master.
@@ -101,6 +103,23 @@ class LinkBus(Line):
     def _numbers(self, frame: WireFrame) -> tuple[int | None, int | None]:
         assert isinstance(frame, Frame)  # noqa: S101 - narrows the type; the link has no others
         return frame.station, frame.counter
+
+    def _deliver_by_character(self, tx: Transmission, ports: Collection[LineNode], now: int) -> None:
+        """See the line; where nothing comes between, what ends nothing is received ahead of its time."""
+        receivers = [self.ports[port.position].receiver for port in ports]
+        busy = self.drivers or self._open_receivers or self.listeners_of(tx.sender)[1]
+        ahead = self.in_blocks and not (busy or tx.rx_chars)
+        if ahead:
+            self.unwatch()
+            self.rewatch()
+            until = min(self._kernel.next(), tx.end)
+        super()._deliver_by_character(tx, ports, now)
+        if ahead and receivers and all(each.reads_as(receivers[0]) for each in receivers):
+            coming, reader = receivers[0].coming(until), FrameReader()
+            taken = reader.take((char.start, char[3:]) for char in coming)
+            for port in ports if taken else ():
+                hints = port.engine.follow(reader)
+                self.ports[port.position].receiver.passed(coming[taken - 1], frame_open=bool(hints & OPEN))
 
     # -- listeners ---------------------------------------------------------------------------------
 

@@ -99,15 +99,7 @@ class LinkPort(LinkStation):
             if self.replies_at_end:
                 self._waits.append((at, counter))
                 at = self.plc.cycle.next_end(at, self._kernel.now)
-        if self.pending:
-            super().schedule(at, counter)
-            return
-        # Nearly always nothing else waits: eight calls a link scan are saved.
-        now = self._kernel.now
-        if at < now:
-            at = now
-        self.pending.append((at, 0, counter))
-        self._start_timer.chain(at)
+        super().schedule(at, counter)
 
     def _on_start(self, now: int) -> None:
         engine = self.engine
@@ -134,11 +126,7 @@ class LinkPort(LinkStation):
         frame = engine.begin_transmit(now, counter)
         if now - polled > self._longest_turnaround:
             self.reporter.replied(self, now - polled, now, len(frame.chars) * bus.character)
-        if self.tail or self.receiver.is_open:
-            self._begin(frame, now)
-        else:  # as _begin does it, without the call
-            self.sending = tx = bus.begin(self, frame, now)
-            self._end_timer.chain(tx.end)
+        self._begin(frame, now)
 
     def _ends_moved(self, end: int) -> None:
         """The PLC's scans after ``end`` take another time: reschedule the replies that wait for END."""

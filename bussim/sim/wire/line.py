@@ -8,7 +8,7 @@ on the level that the line really has.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 from bussim.line.characters import LineTiming
 from bussim.sim.notes import Notes
@@ -156,7 +156,7 @@ class Line(Cable):
         self._on_wire.append(tx)
         self.drivers += 1
 
-    def _deliver_by_character(self, tx: Transmission, ports: Iterable[LineNode], now: int) -> None:
+    def _deliver_by_character(self, tx: Transmission, ports: Collection[LineNode], now: int) -> None:
         """Let these nodes receive a transmission that begins now character by character."""
         for port in ports:
             port.receiver.open(now)

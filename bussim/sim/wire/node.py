@@ -27,6 +27,7 @@ class Node(LineNode):
     """One position of a line, in cable order from 0; ``name`` is unique in the scenario."""
 
     line: Line
+    receiver: Receiver
 
     def __init__(self, name: str, line: Line, position: int, kernel: Kernel) -> None:
         self.name = name
@@ -180,7 +181,7 @@ class Node(LineNode):
             self._start_timer.set(pending[0][0])
         else:
             pending.append((at, 0, counter))
-            self._start_timer.chain(at)
+            self._start_timer.set(at)
 
     @abstractmethod
     def _on_start(self, now: int) -> None:
@@ -193,7 +194,7 @@ class Node(LineNode):
             self.receiver.close()
         self.release(now)
         self.sending = tx = line.begin(self, frame, now)
-        self._end_timer.chain(tx.end)
+        self._end_timer.set(tx.end)
 
     def _on_end(self, now: int) -> None:
         tx = self.sending

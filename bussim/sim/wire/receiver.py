@@ -173,6 +173,30 @@ class Receiver:
         else:
             self._char_timer.set(max(self._next.end, self._port.now))
 
+    def reads_as(self, other: Receiver) -> bool:
+        """Whether what reaches it is what reaches another one, too."""
+        return self._sampled is other._sampled
+
+    def coming(self, until: int) -> list[Sampled]:
+        """The next characters that end before a tick, up to the first silence that would end a frame."""
+        found: list[Sampled] = []
+        char, last = self._next, until
+        while char is not None and char.end < min(until, last + self._quiet):
+            found.append(char)
+            last, ready = char.end, char.ready
+            if ready not in self._sampled:
+                self._sampled[ready] = self._uart.next_character(self._wave, ready)
+            char = self._sampled[ready]
+        return found
+
+    def passed(self, last: Sampled, *, frame_open: bool) -> None:
+        """The engine has received the characters up to one ahead of their time."""
+        self.heard_at = self._last_end = last.end
+        self._ready, self._frame_open = last.ready, frame_open
+        self._plan()
+        if frame_open:
+            self._arm_idle()
+
     # -- characters --------------------------------------------------------------------------------
 
     def _on_character(self, now: int) -> None:

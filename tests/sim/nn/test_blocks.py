@@ -124,13 +124,13 @@ def test_the_next_event_is_none_of_a_timer_that_was_set_anew() -> None:
     assert (found, seen, kernel.next()) == ([70], [80], 90)
 
 
-def test_events_are_passed_up_to_a_tick_and_priority_and_chained_ones_no_further() -> None:
+def test_events_are_passed_up_to_a_tick_and_priority_and_no_further() -> None:
     kernel, found = Kernel(), []
     later = kernel.timer(lambda now: found.append(("later", now)), 2)  # type: ignore[arg-type]
 
     def first(now: int) -> None:
         found.append(("first", now))
-        later.chain(70)
+        later.set(70)
 
     def passing(now: int) -> None:
         assert kernel.next({early}) == 60

@@ -1,9 +1,8 @@
 """Every optimisation of the simulation against the plain calculation, over random scenarios.
 
-The optimisations: ordinary link scans are done many at once; what most likely happens next does not
-pass through SimPy's queue (``Timer.chain``); frames are heard whole where nothing disturbs them; a PLC's
-memory is only brought up to date when it is read; nothing is recorded that is not needed. None of them
-may change a result.
+The optimisations: ordinary link scans are done many at once; frames are heard whole where nothing disturbs
+them, and damaged ones ahead of their time as far as they end nothing; a PLC's memory is only brought up to
+date when it is read; nothing is recorded that is not needed. None of them may change a result.
 """
 
 from __future__ import annotations
@@ -17,7 +16,6 @@ import pytest
 
 from bussim.plc.memory import BIT_RANGES, WORD_RANGES
 from bussim.scenario import fault_kinds
-from bussim.sim.kernel import Timer
 from bussim.sim.nn.bus import LinkBus
 from bussim.sim.nn.link_port import LinkPort
 from bussim.sim.wire.contract import Listeners
@@ -76,15 +74,6 @@ def test_link_scans_at_once_are_what_they_are_one_by_one(seed: int) -> None:
     bus_of(simulation).in_blocks = False
     simulation.run(scenario.duration)
     assert_same_trace(ordinary(seed), Done(simulation, record, simulation.totals()))
-
-
-@pytest.mark.parametrize("seed", quick(25, SEEDS))
-def test_past_the_event_queue_things_happen_in_the_same_order(
-    seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    one = ordinary(seed)  # it is kept: not to be run under what is changed here
-    monkeypatch.setattr(Timer, "chain", Timer.set)
-    assert_same_trace(one, run(chance.scenario(seed, SECONDS)))
 
 
 @pytest.mark.parametrize("seed", quick(25, SEEDS))
