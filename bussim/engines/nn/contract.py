@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Protocol, TypeVar
 
-from bussim.engines.contract import OWN_HINTS, Engine
+from bussim.engines.contract import OPEN, OWN_HINTS, Engine
 from bussim.engines.nn.frames import Frame, FrameReader, encode_data
 
 #: Hint: the frame's block was accepted as its station's newest image.
@@ -25,6 +25,7 @@ class NnEngine(Engine[Frame, EventT], Protocol[EventT]):
     wants_image: bool = False
     #: That block at the latest END, to be set by the driver before begin_transmit where it is wanted.
     image: bytes = b""
+    _reader: FrameReader
     _encoded: dict[int, Frame]
     _encoded_image: bytes | None = None
 
@@ -33,7 +34,14 @@ class NnEngine(Engine[Frame, EventT], Protocol[EventT]):
         self._encoded = {}
 
     def follow(self, reader: FrameReader) -> int:
-        """Receive the characters that a reader has taken since the line was idle; returns OPEN or 0."""
+        """Receive what a reader has taken, ahead of its time, if nothing is unfinished; returns OPEN or 0."""
+        self._reader.follow(reader)
+        return OPEN
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether a frame is."""
+        return self._reader.open
 
     def data_frame(self, station: int, counter: int) -> Frame:
         """The data frame with :attr:`image`, encoded once for each counter while that stays the same."""

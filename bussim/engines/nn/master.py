@@ -145,9 +145,8 @@ class Master(NnEngine[MasterEvent]):
         """See the base class."""
         if self.state is not MasterState.REPLY:
             return 0
-        self._reader.follow(reader)
         self._other_characters |= not reader.in_frame
-        return OPEN
+        return super().follow(reader)
 
     def receive_frame(self, frame: Frame, start: int, end: int) -> int:
         """A whole undamaged frame; the same as its characters one by one."""

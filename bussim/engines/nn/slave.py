@@ -107,11 +107,6 @@ class Slave(LinkMonitor):
         assert type(heard) is Damage  # noqa: S101 - narrows the type; the reader returns nothing else
         return OPEN | (self._damaged(heard, end) if self.state is SlaveState.LINKED else 0)
 
-    def follow(self, reader: FrameReader) -> int:
-        """See the base class."""
-        self._reader.follow(reader)
-        return OPEN
-
     def receive_frame(self, frame: Frame, start: int, end: int) -> int:
         """A whole undamaged frame; the same as its characters one by one."""
         if self.state is not SlaveState.LINKED:

@@ -106,20 +106,22 @@ class LinkBus(Line):
 
     def _deliver_by_character(self, tx: Transmission, ports: Collection[LineNode], now: int) -> None:
         """See the line; where nothing comes between, what ends nothing is received ahead of its time."""
-        receivers = [self.ports[port.position].receiver for port in ports]
-        busy = self.drivers or self._open_receivers or self.listeners_of(tx.sender)[1]
-        ahead = self.in_blocks and not (busy or tx.rx_chars)
+        # Jabber is a fault's, whose end is planned only when it has begun.
+        busy = tx.frame is None or tx.rx_chars or self.drivers or self._open_receivers
+        others = self.listeners_of(tx.sender)[1] or any(port.engine.unfinished for port in ports)
+        ahead = self.in_blocks and not (busy or others)
         if ahead:
             self.unwatch()
             self.rewatch()
             until = min(self._kernel.next(), tx.end)
         super()._deliver_by_character(tx, ports, now)
+        receivers = [self.ports[port.position].receiver for port in ports]
         if ahead and receivers and all(each.reads_as(receivers[0]) for each in receivers):
             coming, reader = receivers[0].coming(until), FrameReader()
-            taken = reader.take((char.start, char[3:]) for char in coming)
-            for port in ports if taken else ():
-                hints = port.engine.follow(reader)
-                self.ports[port.position].receiver.passed(coming[taken - 1], frame_open=bool(hints & OPEN))
+            if taken := reader.take((char.start, char[3:]) for char in coming):
+                for port, receiver in zip(ports, receivers, strict=True):
+                    hints = port.engine.follow(reader)
+                    receiver.passed(coming[taken - 1], frame_open=bool(hints & OPEN))
 
     # -- listeners ---------------------------------------------------------------------------------
 

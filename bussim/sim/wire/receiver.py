@@ -129,26 +129,29 @@ class Receiver:
         ready = self._ready
         if len(parts) > 1:
             parts[:] = [p for p in parts if (p.tx.driven_until if p.until is None else p.until) > ready]
-        self._wave, self._sampled = self._shared() or (self._wave_of_parts(), {})
+        self._wave, self._sampled = self._shared() or (self._wave_of(parts), {})
         self._plan()
         while self._next is not None and self._next.end <= now and self.is_open:
             self._deliver()
         if self.is_open and self._frame_open and self._idle_timer.at < 0:
             self._arm_idle()  # the character that was to come first may not come now
 
-    def _wave_of_parts(self) -> Wave:
-        return Wave([line_lows([self._driver(part) for part in self._parts], self._port.line.disputed)])
+    def _wave_of(self, parts: Sequence[_Part]) -> Wave:
+        return Wave([line_lows([self._driver(part) for part in parts], self._port.line.disputed)])
 
     def _shared(self) -> tuple[Wave, dict[int, Sampled | None]] | None:
         """The wave of the one transmission that reaches this node as others, and what they read of it."""
-        part = self._parts[0] if len(self._parts) == 1 else None
+        *before, part = self._parts or (None,)
         if part is None or part.until is not None or part.since > part.tx.start or not self._port.nominal:
             return None
+        for driver in map(self._driver, before):  # of what is over nothing may be left to read
+            if driver.until > part.since or any(high > self._ready for _, high in driver.lows[-1:]):
+                return None
         tx = part.tx
         if tx.rx_flips is not None and self._port.position in tx.rx_flips:
             return None
         if tx.sampled is None or tx.sampled[0] != tx.driven_until:
-            tx.sampled = (tx.driven_until, self._wave_of_parts(), {})
+            tx.sampled = (tx.driven_until, self._wave_of([part]), {})
         return tx.sampled[1:]
 
     def _driver(self, part: _Part) -> Driver:
