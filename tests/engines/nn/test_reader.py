@@ -216,3 +216,26 @@ def test_the_second_decoder_agrees_on_golden_frames() -> None:
     assert encode_parameters(6, LinkSettings(2, 1, 5, 100)).chars.decode()[-2:] == independent.checksum(
         "F602010564\x03"
     )
+
+
+@given(
+    sent=st.lists(frames(), min_size=1, max_size=3),
+    wrong=st.lists(st.tuples(st.integers(0, 60), st.integers(0, 127), st.booleans()), max_size=2),
+    size=st.sampled_from([None, 8, 24]),
+)
+def test_what_is_taken_ends_nothing_and_is_as_if_received(
+    sent: list[Frame], wrong: list[tuple[int, int, bool]], size: int | None
+) -> None:
+    chars = [(value, True, True) for frame in sent for value in frame.chars]
+    for at, value, clean in wrong:
+        chars[at % len(chars)] = (value, clean, True)
+    one, ahead, follower = FrameReader(), FrameReader(), FrameReader()
+    one.data_size = size
+    numbered = list(enumerate(chars))
+    taken = ahead.take(numbered)
+    assert [one.character(char, start) for start, char in numbered[:taken]] == [None] * taken
+    follower.follow(ahead)
+    follower.data_size = size
+    for start, char in numbered[taken:]:
+        assert follower.character(char, start) == one.character(char, start)
+    assert taken > 0

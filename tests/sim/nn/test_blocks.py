@@ -15,6 +15,7 @@ from bussim.scenario import builtin, fault_kinds, model
 from bussim.sim.kernel import Kernel
 from bussim.sim.nn.block_path import BlockPath
 from bussim.sim.nn.bus import LinkBus
+from bussim.sim.wire.receiver import Receiver
 from tests.sim.build import SECOND, fault, link, run
 
 LOSS = model.Noise("loss", model.Target("link"), model.ReplyLoss(0.02), model.Window(SECOND, 2 * SECOND))
@@ -75,6 +76,25 @@ def test_most_scans_are_done_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
         sizes.clear()
         done = run(link(4, 1, seconds=5, noise=noise), traced=False)
         assert sum(sizes) > 0.8 * len(done.record.scans)
+
+
+def test_most_characters_of_damaged_frames_are_received_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
+    events = []
+    original = Receiver._on_character
+
+    def counted(self: Receiver, now: int) -> None:
+        events.append(now)
+        original(self, now)
+
+    monkeypatch.setattr(Receiver, "_on_character", counted)
+    scenario = link(4, 2, seconds=5, noise=NOISE["bit errors"])
+    found = run(scenario, traced=False)
+    ahead = len(events)
+    monkeypatch.setattr(LinkBus, "in_blocks", False)
+    events.clear()
+    one_by_one = run(scenario, traced=False)
+    assert found.totals == one_by_one.totals
+    assert 0 < ahead < 0.3 * len(events)
 
 
 def test_notes_of_one_tick_come_in_the_order_of_stations() -> None:
