@@ -219,7 +219,7 @@ def test_the_second_decoder_agrees_on_golden_frames() -> None:
 
 
 @given(
-    sent=st.lists(frames(), min_size=1, max_size=3),
+    sent=st.lists(frames, min_size=1, max_size=3),
     wrong=st.lists(st.tuples(st.integers(0, 60), st.integers(0, 127), st.booleans()), max_size=2),
     size=st.sampled_from([None, 8, 24]),
 )
