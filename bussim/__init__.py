@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from bussim.scenario.model import Scenario
     from bussim.scenario.yaml.edit import edit
     from bussim.site.result import SiteResult, site
+    from bussim.started import StartedRun, start
     from bussim.sweep.result import SweepResult
     from bussim.sweep.run import sweep
 
@@ -59,6 +60,7 @@ __all__ = [
     "ScenarioError",
     "SiteResult",
     "Sized",
+    "StartedRun",
     "SweepResult",
     "UsageError",
     "__version__",
@@ -76,6 +78,7 @@ __all__ = [
     "run",
     "site",
     "size",
+    "start",
     "sweep",
     "timeline",
 ]
@@ -102,6 +105,7 @@ _HOMES = {
     "bussim.scenario.model": ("Scenario",),
     "bussim.scenario.yaml.edit": ("edit",),
     "bussim.site.result": ("SiteResult", "site"),
+    "bussim.started": ("StartedRun", "start"),
     "bussim.sweep.result": ("SweepResult",),
     "bussim.sweep.run": ("sweep",),
 }

@@ -20,8 +20,9 @@ import pytest
 from bussim.cli import main
 from bussim.errors import RunError, UsageError
 from bussim.files import written_whole
+from bussim.processes import signals_later
 from bussim.results.store.folder import RunFolder
-from bussim.sweep.executors import _close, _signals_later
+from bussim.sweep.executors import _close
 
 ROOT = Path(__file__).parents[1]
 posix = pytest.mark.skipif(sys.platform == "win32", reason="devices, pipes and signals of POSIX")
@@ -421,7 +422,7 @@ def test_a_signal_waits_until_workers_are_started() -> None:
     started = []
 
     def start() -> None:
-        with _signals_later():
+        with signals_later():
             os.kill(os.getpid(), signal.SIGINT)
             started.append("whole")
             raise RunError("a worker died of the same signal")

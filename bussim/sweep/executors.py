@@ -4,26 +4,23 @@ from __future__ import annotations
 
 import os
 import re
-import signal
 import sys
 import threading
-import time
 import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager
 from itertools import islice
-from types import FrameType
 from typing import Any, Self
 
 from bussim.errors import RunError, UsageError
+from bussim.processes import end_with, signals_later
 from bussim.sweep.jobs import Job, Outcome, run_job
 
-#: A worker process without work ends after so many seconds; so often it looks for its parent.
+#: A worker process without work ends after so many seconds.
 _IDLE_SECONDS = 30
-_WATCH_SECONDS = 0.5
 #: Seconds in which a scheduler must respond, and in which it must have its first worker.
 _CONNECT_SECONDS = 10
 _WORKER_SECONDS = 60
@@ -79,7 +76,7 @@ class LocalExecutor(Executor):
             backend="loky",
             return_as="generator_unordered",
             idle_worker_timeout=_IDLE_SECONDS,
-            initializer=_end_with,
+            initializer=end_with,
             initargs=(os.getpid(),),
         )
         if sys.platform != "win32":
@@ -88,7 +85,7 @@ class LocalExecutor(Executor):
             resource_tracker.ensure_running()
         outcomes: Any = None
         try:
-            with _signals_later():  # one within would leave a worker half-started, and nothing to close
+            with signals_later():  # one within would leave a worker half-started, and nothing to close
                 outcomes = pool(joblib.delayed(run_job)(job) for job in jobs)
             # Not with yield from, which would close the other generator by itself.
             while (outcome := next(outcomes, None)) is not None:
@@ -112,49 +109,6 @@ def _close(outcomes: Any) -> None:
             outcomes.close()
     finally:
         threading.excepthook = hook
-
-
-@contextmanager
-def _signals_later() -> Generator[None]:
-    """While it is open, Ctrl-C and SIGTERM wait; the last one is handled at the end. Main thread only.
-
-    What is started meanwhile never gets them: a terminal sends Ctrl-C to the workers as well, which the
-    sweep itself ends. (Not on Windows, where processes have no mask of signals.)
-    """
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    came: list[tuple[int, FrameType | None]] = []
-    before: dict[int, Callable[[int, FrameType | None], Any]] = {}
-    if threading.current_thread() is threading.main_thread():
-        for number in numbers:
-            if callable(handler := signal.getsignal(number)):
-                before[number] = handler
-                signal.signal(number, lambda *args: came.append(args))
-    masked = signal.pthread_sigmask(signal.SIG_BLOCK, numbers) if sys.platform != "win32" else ()
-    try:
-        yield
-    finally:
-        if sys.platform != "win32":
-            signal.pthread_sigmask(signal.SIG_SETMASK, masked)
-        for held, handler in before.items():
-            signal.signal(held, handler)
-        for last, frame in came[-1:]:
-            before[last](last, frame)
-
-
-def _end_with(parent: int) -> None:
-    """Let this process end soon after its parent, also if that is killed.
-
-    It would wait for work until it has been idle for long, and keep the terminal or pipe that both
-    write to. On Windows the end of a parent cannot be noticed; there only being idle ends it.
-    """
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(_WATCH_SECONDS)
-        os._exit(1)
-
-    if sys.platform != "win32" and os.getpid() != parent:
-        threading.Thread(target=watch, name="end with parent", daemon=True).start()
 
 
 class DaskExecutor(Executor):
