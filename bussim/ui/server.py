@@ -10,7 +10,7 @@ from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar, cast
 
 import anyio
 import uvicorn
@@ -25,13 +25,13 @@ from bussim.api import examine, profiles
 from bussim.errors import BussimError, ScenarioError, UsageError
 from bussim.exact.solution import exact
 from bussim.scenario.yaml.edit import edit
+from bussim.started import StartedRun, start
 from bussim.ui.counters import CountersAsked, noise_of
 from bussim.ui.finished import finished
 from bussim.ui.guard import Guard, Refusal, body_of
 from bussim.ui.line import Name, Strict, field_of
 from bussim.ui.page import page, static
 from bussim.ui.questions import Asked, Desk, SizeAsked
-from bussim.ui.running import Running
 from bussim.ui.workspace import Workspace
 from bussim.version import __version__
 from bussim.words.language import shown, use_language
@@ -91,7 +91,7 @@ class Service:
         self._lang, self._stop_server = lang, end
         self._beginning = CapacityLimiter(1)
         self._waiting: dict[str, str] = {}
-        self._running: dict[str, Running] = {}
+        self._running: dict[str, StartedRun] = {}
         self._runs: dict[str, Path] = {}
 
     def application(self, port: int, token: str) -> Guard:
@@ -209,23 +209,29 @@ class Service:
         if asked.seed is not None:
             changes["seed"] = asked.seed
         text, files = edit(self._desk.line(asked).text, changes), self._workspace.beside(asked.beside)
-        examine(text, files=files).get()
+        scenario = examine(text, files=files).get()
         key = secrets.token_urlsafe(9)
         folder = self._workspace.folder / _RUNS / "ui"
-        self._running[key] = Running(text, files, folder, trace=asked.trace)
+        self._running[key] = start(scenario, folder, trace=asked.trace, numbered=True)
         return key
 
-    async def _said(self, key: str, running: Running, lang: str) -> AsyncIterator[str]:
+    async def _said(self, key: str, running: StartedRun, lang: str) -> AsyncIterator[str]:
         """What a simulation says; a page that is gone stops it."""
-        events = running.events()
+        steps = running.progress()
         try:
             yield _json({"event": "started", "id": key})
-            while (event := await to_thread.run_sync(next, events, None, abandon_on_cancel=True)) is not None:
-                if event["event"] == "finished":
-                    folder = Path(event["folder"])
-                    self._runs[key] = folder
-                    event |= {"id": key, **await to_thread.run_sync(finished, folder, lang)}
-                yield _json(event)
+            while (step := await to_thread.run_sync(next, steps, None, abandon_on_cancel=True)) is not None:
+                yield _json({"event": "progress", **step._asdict()})
+            try:
+                result = await to_thread.run_sync(running.result, abandon_on_cancel=True)
+            except BussimError as error:
+                yield _json(
+                    {"event": "stopped"} if running.stopped else {"event": "failed", "text": str(error)}
+                )
+                return
+            folder = self._runs[key] = cast("Path", result.folder)
+            found = await to_thread.run_sync(finished, folder, lang)
+            yield _json({"event": "finished", "folder": str(folder), "id": key, **found})
         finally:
             running.stop()
             del self._running[key]

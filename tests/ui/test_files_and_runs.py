@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import threading
 import time
 from difflib import unified_diff
@@ -145,7 +147,7 @@ def test_a_simulation_whose_process_dies_has_failed(page: Page) -> None:
     while not page.service._running:
         time.sleep(0.02)
     (running,) = page.service._running.values()
-    running._process.kill()
+    os.kill(running._process.pid, signal.SIGKILL)
     thread.join(20)
     assert events[-1]["event"] == "failed"
     assert not page.service._running
