@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bussim.commands.common.scenario_options import code_option
+from bussim.commands.common.scenario_options import code_option, lang_option
 from bussim.errors import ScenarioError, UsageError
 from bussim.files import followed, plain
+from bussim.words.language import current_language, say, use_language
 
 if TYPE_CHECKING:
     from bussim.exact.metrics import Figures
@@ -34,6 +35,7 @@ _MOST_RUNS = 7
 @click.option("--force", is_flag=True, help="Replace the file if it exists.")
 @click.option("--json", "as_json", is_flag=True, help="Print what was written as JSON.")
 @click.option("--no-exact", is_flag=True, help="Without the exact law (it takes long on a noisy line).")
+@lang_option
 @code_option
 def command(
     runs: tuple[str, ...], *, out: str | None, force: bool, as_json: bool, no_exact: bool, allow_code: bool
@@ -47,7 +49,8 @@ def command(
     from bussim.commands.common.output import busy, print_files
 
     with busy(f"reading {', '.join(runs)}"):
-        target = report(*runs, out=out, force=force, exact=not no_exact, allow_code=allow_code)
+        lang = current_language()
+        target = report(*runs, out=out, force=force, exact=not no_exact, allow_code=allow_code, lang=lang)
     print_files([target], as_json=as_json)
 
 
@@ -57,13 +60,16 @@ def report(
     force: bool = False,
     exact: bool = True,
     allow_code: bool = False,
+    lang: str = "en",
 ) -> Path:
     """Write one HTML page on the folders of one run or several, and return its path.
 
     ``out`` is the page (None: report.html in the run's folder, of several runs in this one); ``force``
-    replaces it. Without ``exact`` the page has no exact law, which takes long on a noisy line.
+    replaces it. Without ``exact`` the page has no exact law, which takes long on a noisy line. ``lang`` is
+    the page's language, "en" or "zh".
 
-    Raises UsageError for folders that are none of runs, for too many, and where the page cannot be written.
+    Raises UsageError for another language, for folders that are none of runs, for too many, and where the
+    page cannot be written.
     """
     from bussim.commands.common.output import checked_target, write_text
     from bussim.report.page import labels_of, report_page
@@ -86,7 +92,8 @@ def report(
         _source(folder, record, label, shapes=shapes, exact=exact, allow_code=allow_code)
         for folder, record, label in zip(folders, records, labels, strict=True)
     ]
-    page = report_page(sources, ["bussim", "report", *map(str, runs)])
+    with use_language(lang):
+        page = report_page(sources, ["bussim", "report", *map(str, runs)])
     write_text(target, page)
     return target
 
@@ -115,9 +122,7 @@ def _source(
             distributions = _distributions(folder, allow_code=allow_code)
         except (ScenarioError, UsageError) as error:
             first = str(error).splitlines()[0]
-            no_distribution = (
-                f"There is no exact law, since the scenario in the folder cannot be read: {first}"
-            )
+            no_distribution = say("report_no_law", reason=first)
     turnarounds: dict[str, dict[int, Histogram]] = {}
     scenes: dict[str, Scene] = {}
     no_trace = ""
@@ -125,11 +130,9 @@ def _source(
         turnarounds = turnarounds_of(read_trace(folder).of(AttemptRecord))
         scenes = _scenes(folder, record, shapes)
         draw = f"bussim timeline {shell_word(folder)} --worst"
-        no_trace = f"It is too much for this page; draw it with {draw}"
+        no_trace = say("report_too_much", command=draw)
     else:
-        no_trace = (
-            f"This run was not traced, so there is no timeline of it. To get one: {traced_again(folder)}"
-        )
+        no_trace = say("report_no_trace", command=traced_again(folder))
     return Source(
         label, str(folder), record, scenario, distributions, no_distribution, turnarounds, scenes, no_trace
     )

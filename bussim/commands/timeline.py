@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import click
 
 from bussim.commands.common.output import print_json
-from bussim.commands.common.scenario_options import time_of
+from bussim.commands.common.scenario_options import lang_option, time_of
 from bussim.errors import UsageError
+from bussim.words.language import shown
 
 if TYPE_CHECKING:
     from bussim.report.trace_window import TraceWindow
@@ -26,6 +27,7 @@ _MOST_FRAMES = 1_000
 @click.argument("run", metavar="RUN_DIR")
 @click.option("--from", "since", metavar="T", help="Begin so long after the run's start, such as 10s.")
 @click.option("--span", metavar="T", help=f"Draw so much of it (default: {_DEFAULT_SPAN}).")
+@lang_option
 @click.option("--worst", is_flag=True, help="The longest link scan or Modbus attempt; so too without --from.")
 @click.option("--bus", metavar="NAME", help="Which bus (default: the one with the longest link scan).")
 @click.option("-o", "--out", metavar="FILE", help="A .png or .svg (default: a .png in the run's folder).")
@@ -83,7 +85,7 @@ def command(
         print_json(_as_json(window, target))
         return
     for sentence in scene.why:
-        click.echo(sentence)
+        click.echo(shown(sentence))
     click.echo(target)
 
 

@@ -14,9 +14,11 @@ from bussim.results.meters.link import LinkRecord
 from bussim.results.meters.timeline import Span
 from bussim.results.plots.bars import is_far, usual_range, whole_range
 from bussim.results.plots.style import PARTS_OF_LATENCY
-from bussim.results.text.latency import part_names
+from bussim.results.text.latency import case_in_words, part_names
+from bussim.results.text.lines import fault_in_words
 from bussim.results.text.run import lost_in_words
 from bussim.units import milliseconds, seconds
+from bussim.words.language import say
 
 # A page of seven runs stays under 5 MB, whatever they are: what a chart carries is bounded.
 #: Most bins of a histogram and most points of a curve.
@@ -26,16 +28,33 @@ _DIGITS = 6
 
 
 class Quantity(NamedTuple):
-    """What a histogram is of: the time on its axis, and what its bars count."""
+    """What a histogram is of: the time on its axis, what its bars count, and so many of that."""
 
-    time: str
-    counted: str
+    name: str
+
+    @property
+    def time(self) -> str:
+        """The time."""
+        return say(f"quantity_{self.name}_time")
+
+    @property
+    def counted(self) -> str:
+        """What is counted."""
+        return say(f"quantity_{self.name}_counted")
+
+    def times(self, count: int) -> str:
+        """So many of them."""
+        one = "one" if count == 1 else "many"
+        return say(f"quantity_{self.name}_{one}", count=f"{count:,}")
+
+    @property
+    def forms(self) -> list[str]:
+        """One of them, and several, with ``{count}`` for how many."""
+        return [say(f"quantity_{self.name}_{number}", count="{count}") for number in ("one", "many")]
 
 
-SCANS = Quantity("link scan time", "link scans")
-LATENCIES = Quantity("latency", "changes")
-AGES = Quantity("data age", "readings")
-RESPONSES = Quantity("response time", "responses")
+SCANS, LATENCIES = Quantity("scans"), Quantity("latencies")
+AGES, RESPONSES = Quantity("ages"), Quantity("responses")
 
 
 def histogram_chart(
@@ -62,6 +81,7 @@ def histogram_chart(
         "bin_ms": milliseconds(BIN_TICKS * width),
         "time": quantity.time,
         "counted": quantity.counted,
+        "times": quantity.forms,
         "bounds": _bounds(bounds or {}),
         "shown": shown,
         **(_first_view(list(histograms.values()), quantity) if shown is None else {}),
@@ -85,12 +105,12 @@ def _first_view(histograms: Sequence[Histogram], quantity: Quantity) -> dict[str
     count = sum(each.count for each in histograms)
     beyond = count - sum(sum(each.bars(1, *usual).values()) for each in histograms)
     longest = milliseconds(max(each.maximum or 0 for each in histograms))
-    text = f"Not in this first view: {beyond:,} of {count:,} {quantity.counted}, up to {longest:.3f} ms."
+    text = say("chart_beyond", beyond=beyond, count=quantity.times(count), longest=longest)
     return {"usual": [milliseconds(BIN_TICKS * each) for each in usual], "beyond": text}
 
 
 def _bounds(bounds: Mapping[str, float]) -> list[list[Any]]:
-    return [[bound, f"at worst with {case}: {bound:.3f} ms"] for case, bound in bounds.items()]
+    return [[bound, say("plot_bound", case=case_in_words(case), at=bound)] for case, bound in bounds.items()]
 
 
 def parts_chart(
@@ -106,14 +126,15 @@ def parts_chart(
         for part, ticks in zip(PARTS, parts, strict=True):
             start, end = end, end + ticks
             if ticks:
-                text = f"{what}: {names[part]} {milliseconds(ticks):.3f} ms"
+                values = {"what": say(f"example_{what}"), "part": names[part]}
+                text = say("chart_part", **values, ms=milliseconds(ticks))
                 at = [round(milliseconds(tick), 6) for tick in (start, end)]
                 boxes.append([lane, *at, names[part], f"{milliseconds(ticks):.1f}", text])
     return {
         "kind": "parts",
         "title": title,
         "span": longest,
-        "lanes": list(lanes),
+        "lanes": [say(f"example_{what}") for what in lanes],
         "boxes": boxes,
         "marks": [],
         "bounds": _bounds(bounds),
@@ -152,7 +173,7 @@ def _thinned(points: list[list[float]]) -> list[list[float]]:
 
 
 def _without(distribution: ExactDistribution | None) -> str:
-    return " of the undisturbed line" if distribution is not None and distribution.notes else ""
+    return say("chart_undisturbed") if distribution is not None and distribution.notes else ""
 
 
 def _distribution_points(distribution: ExactDistribution | None) -> list[list[float]]:
@@ -189,9 +210,9 @@ def over_run_chart(
             ]
             for cell in link.timeline
         ],
-        "faults": [[text, *_span(span, end)] for text, span in faults],
+        "faults": [[fault_in_words(text), *_span(span, end)] for text, span in faults],
         "errors": [
-            [f"station {station} in error", *_span(span, end)]
+            [say("station_in_error", station=station), *_span(span, end)]
             for station, spans in link.in_error.items()
             for span in spans
         ],

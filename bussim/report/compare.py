@@ -10,15 +10,17 @@ from bussim.report.latency import compared
 from bussim.report.nodes import node_metrics
 from bussim.report.runs import Source
 from bussim.report.tables import CODE, NONE, SETTINGS, TIMES, Cell, Table, number, pointer
+from bussim.results.verdict.catalogue import sentence
 from bussim.results.verdict.verdict import faults
+from bussim.words.language import say
 
-_HEAD = {"scenario": "scenario", "seed": "seed", "duration_s": "simulated (s)", "bussim": "bussim"}
+_HEAD = {key: say(f"compare_{key}") for key in ("scenario", "seed", "duration_s")} | {"bussim": "bussim"}
 _FIGURES = (
-    ("scans", "link scans", None),
-    ("bus_load", "bus load (share of the time)", 4),
-    ("polls", "polls", None),
-    ("collisions", "collisions", None),
-    ("undetected_frames", "damaged frames taken as good", None),
+    ("scans", say("table_scans"), None),
+    ("bus_load", say("node_load"), 4),
+    ("polls", say("compare_polls"), None),
+    ("collisions", say("table_collisions"), None),
+    ("undetected_frames", say("table_undetected_frames"), None),
 )
 
 
@@ -29,22 +31,25 @@ def _onsets(link: Mapping[str, Any]) -> int | None:
 
 
 _SUMS: tuple[tuple[str, Callable[[Mapping[str, Any]], int | None]], ...] = (
-    ("failed attempts", lambda link: sum(sum(codes.values()) for codes in link["failed_attempts"].values())),
     (
-        "station errors (link scans in which every attempt at a station failed)",
+        say("compare_failed"),
+        lambda link: sum(sum(codes.values()) for codes in link["failed_attempts"].values()),
+    ),
+    (
+        say("compare_errors"),
         lambda link: sum(link["station_errors"].values()),
     ),
-    ("onsets (how often a station error began)", _onsets),
+    (say("compare_onsets"), _onsets),
 )
 _EXACT: tuple[tuple[str, Callable[[Mapping[str, Any]], Any]], ...] = (
-    ("exact: mean link scan (ms)", lambda figures: figures["mean_ms"]),
-    ("exact: link scan at worst (ms)", lambda figures: figures["worst_case_ms"]),
-    ("exact: one station more dead (ms)", lambda figures: figures["one_dead_ms"]),
+    (say("compare_exact_mean"), lambda figures: figures["mean_ms"]),
+    (say("compare_exact_worst"), lambda figures: figures["worst_case_ms"]),
+    (say("compare_exact_dead"), lambda figures: figures["one_dead_ms"]),
     (
-        "exact: dead station in error at the latest after (ms), no other reply lost",
+        say("compare_exact_detect"),
         lambda figures: figures["detect_ms"]["max"],
     ),
-    ("exact: false station errors begin, a year", lambda figures: figures["false_error_onsets_per_year"]),
+    (say("compare_exact_onsets"), lambda figures: figures["false_error_onsets_per_year"]),
 )
 
 
@@ -52,16 +57,17 @@ def head_table(sources: Sequence[Source]) -> Table:
     """What was run."""
     codes = {"seed": CODE}
     rows = [(label, _row(sources, (key,), codes.get(key), change=False)) for key, label in _HEAD.items()]
-    return Table("The runs", ["", *(source.label for source in sources)], rows)
+    return Table(say("compare_runs"), ["", *(source.label for source in sources)], rows)
 
 
 def verdict_table(sources: Sequence[Source]) -> Table:
     """What was wrong in each run, in the words of its verdict."""
     rows = []
     for source in sources:
-        texts = [item["text"] for item in faults(source.summary["verdict"])]
-        rows.append((source.label, [Cell(" ".join(texts) or "nothing was wrong")]))
-    return Table("Verdicts", ["", "what was wrong"], rows)
+        texts = [sentence(item) for item in faults(source.summary["verdict"])]
+        text = say("sentences", texts=texts) if texts else say("compare_nothing")
+        rows.append((source.label, [Cell(text)]))
+    return Table(say("compare_verdicts"), ["", say("compare_wrong")], rows)
 
 
 def link_table(sources: Sequence[Source], bus: str) -> Table:
@@ -69,7 +75,9 @@ def link_table(sources: Sequence[Source], bus: str) -> Table:
     rows = [(label, _row(sources, ("links", bus, key), change=False)) for key, label in SETTINGS.items()]
     rows += [(label, _row(sources, ("links", bus, key), decimals)) for key, label, decimals in _FIGURES]
     for key in ("min", "p50", "mean", "p99", "p999", "max"):
-        rows.append((f"link scan, {TIMES[key]} (ms)", _row(sources, ("links", bus, "scan_time_ms", key), 3)))
+        rows.append(
+            (say("compare_scan", label=TIMES[key]), _row(sources, ("links", bus, "scan_time_ms", key), 3))
+        )
     links = [source.summary["links"].get(bus) for source in sources]
     for label, count in _SUMS:
         rows.append((label, _marked([None if link is None else count(link) for link in links])))
@@ -77,7 +85,7 @@ def link_table(sources: Sequence[Source], bus: str) -> Table:
         cells = _marked([_exact(source, bus, get) for source in sources])
         if any(cell.text != NONE for cell in cells):
             rows.append((label, cells))
-    return Table(f"The link on bus {bus}", ["", *(source.label for source in sources)], rows)
+    return Table(say("table_link", bus=bus), ["", *(source.label for source in sources)], rows)
 
 
 def entry_tables(sources: Sequence[Source]) -> list[Table]:

@@ -10,6 +10,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from bussim.version import __version__
+from bussim.words.language import said_text, shown
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -57,13 +58,16 @@ def environment() -> Environment:
     """Templates of the folder ``assets``, and texts that extend them; what they are given is escaped."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    return Environment(
+    found = Environment(
         loader=PackageLoader("bussim.report", "assets"),
         autoescape=True,
         undefined=StrictUndefined,
+        finalize=shown,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    found.globals["say"] = said_text
+    return found
 
 
 def _hash(script: str) -> str:

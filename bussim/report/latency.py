@@ -14,6 +14,7 @@ from bussim.results.meters.latency_record import PARTS, LatencyRecord
 from bussim.results.numbers import adding_up
 from bussim.results.text.latency import (
     bounds_in_words,
+    case_in_words,
     caveats,
     counts_in_words,
     edge_in_words,
@@ -24,15 +25,11 @@ from bussim.results.text.latency import (
 )
 from bussim.units import milliseconds
 from bussim.wording import in_ms
+from bussim.words.language import say
+from bussim.words.tables import recognised
 
-_COUNTS = {
-    "changes": "changes",
-    "delivered": "arrived",
-    "lost": "never arrived",
-    "unseen": "too short to be seen",
-    "open": "under way at the end",
-}
-_READINGS = {"changes": "changes of the source", "delivered": "times that it was read"}
+_COUNTS = {key: say(f"late_{key}") for key in ("changes", "delivered", "lost", "unseen", "open")}
+_READINGS = {"changes": say("late_source_changes"), "delivered": say("late_reads")}
 _TIMES = {key: tables.TIMES[key] for key in ("min", "p50", "mean", "p95", "p99", "max")}
 
 
@@ -59,8 +56,8 @@ def latency_part(source: Source, drawn: Charts) -> LatencyPart | None:
     if not summary:
         return None
     some = [
-        figures(source, "Latency (ms)", _COUNTS, word=False),
-        figures(source, "Age of words when they are read (ms)", _READINGS, word=True),
+        figures(source, say("late_table"), _COUNTS, word=False),
+        figures(source, say("late_age_table"), _READINGS, word=True),
         bounds(source),
     ]
     return LatencyPart(
@@ -80,19 +77,23 @@ def latency_part(source: Source, drawn: Charts) -> LatencyPart | None:
 def in_words(name: str, entry: Mapping[str, Any]) -> Iterator[str]:
     """An entry of the summary's latencies in sentences."""
     word, times, cases = entry["edge"] is None, entry["ms"], list[str]()
-    what = f"nothing {'was read' if word else 'arrived'}"
+    what = say("late_nothing_read" if word else "late_nothing_arrived")
     if times["max"] is not None and entry["max_at_s"] is not None:
         which = "mean" if times["p50"] is None else "median"
         usual = in_ms(times[{"mean": "mean", "median": "p50"}[which]])
         longest = in_ms(times["max"], most=True)
-        what = f"{which} {usual}, maximum {longest}, {entry['max_at_s']:.2f} s after the start"
-        cases = [f"{in_ms(bound, most=True)} with {case}" for case, bound in bounds_in_words(entry).items()]
-    yield f"{heading(name, entry)}, {edge_in_words(entry)}: {what} ({counts_in_words(entry)})."
+        what = say(f"late_{which}", usual=usual, longest=longest, at=entry["max_at_s"])
+        cases = [
+            say("late_with", bound=in_ms(bound, most=True), case=case_in_words(case))
+            for case, bound in bounds_in_words(entry).items()
+        ]
+    about = {"heading": heading(name, entry), "edge": edge_in_words(entry)}
+    yield say("late_said", **about, what=what, counts=counts_in_words(entry))
     if hint := lost_in_words(entry):
-        yield f"{name}: {hint}."
+        yield say("late_of", name=name, said=hint)
     if cases:
-        yield f"At worst {name} {'is as old as' if word else 'takes'} {', '.join(cases)}."
-    yield from (f"{name}: {said}." for said in caveats(entry))
+        yield say("late_is_old" if word else "late_takes", name=name, cases=cases)
+    yield from (say("late_of", name=name, said=said) for said in caveats(entry))
 
 
 # -- tables --------------------------------------------------------------------------------------------
@@ -109,8 +110,8 @@ def figures(source: Source, caption: str, counts: Mapping[str, str], *, word: bo
         cells += [found(source.summary, *at, "ms", key, decimals=3) for key in _TIMES]
         cells.append(found(source.summary, *at, "max_at_s", decimals=3))
         rows.append((name, cells))
-    head = ["entry", *counts.values(), *_TIMES.values(), "longest at (s)"]
-    return Table(caption, head, rows, "A dash: too few of them beyond it to say.")
+    head = [say("late_entry"), *counts.values(), *_TIMES.values(), say("late_longest_at")]
+    return Table(caption, head, rows, say("table_dash_few"))
 
 
 def bounds(source: Source) -> Table:
@@ -124,20 +125,21 @@ def bounds(source: Source) -> Table:
             [
                 found(source.summary, "latency", name, "bound_ms", case, decimals=3)
                 if case in entry.get("bound_ms", {})
-                else Cell(NONE, title="; ".join(entry.get("bound_reasons", ["no such case"])))
+                else Cell(NONE, title=_why_none(entry))
                 for case in cases
             ],
         )
         for name, entry in entries.items()
         if cases
     ]
-    note = (
-        "In closed form, for the parts of a run without faults. No error: nor is an error flag still on at "
-        "the change. Every retry spent: the source is in error for one link scan and replies to the last "
-        "attempt of the next, any reply of all others may be lost. A frame that only the target misses adds "
-        "to it."
-    )
-    return Table("At worst (ms)", ["entry", *cases], rows, note)
+    head = [say("late_entry"), *map(case_in_words, cases)]
+    return Table(say("late_worst"), head, rows, say("late_worst_note"))
+
+
+def _why_none(entry: Mapping[str, Any]) -> str:
+    """Why an entry has no bound in a case."""
+    reasons = [recognised(reason) for reason in entry.get("bound_reasons", ())]
+    return say("semicolon_list", texts=reasons) if reasons else say("late_no_case")
 
 
 def parts_data(name: str, record: LatencyRecord, summary: Mapping[str, Any]) -> Table:
@@ -150,11 +152,11 @@ def parts_data(name: str, record: LatencyRecord, summary: Mapping[str, Any]) -> 
             Cell(text, pointer("latency", name, "parts_ms", part, "mean") if what == "mean" else "")
             for part, text in zip(PARTS, texts, strict=True)
         ]
-        rows.append((what, [*cells, Cell(number(whole, 3))]))
+        rows.append((say(f"example_{what}"), [*cells, Cell(number(whole, 3))]))
     most = [found(summary, "latency", name, "parts_ms", part, "max", decimals=3) for part in PARTS]
-    rows.append(("most of each part", [*most, Cell("")]))
-    head = ["", *(part_names(word=record.word)[part] for part in PARTS), "sum"]
-    return Table(f"What {name} is made of (ms)", head, rows)
+    rows.append((say("late_most"), [*most, Cell("")]))
+    head = ["", *(part_names(word=record.word)[part] for part in PARTS), say("late_sum")]
+    return Table(say("late_made_of", name=name), head, rows)
 
 
 def compared(
@@ -171,11 +173,13 @@ def compared(
         rows: list[tuple[str, tuple[str, ...], int | None]] = [
             (label, (*at, key), None) for key, label in (_READINGS if words else _COUNTS).items()
         ]
-        rows += [(f"{label} (ms)", (*at, "ms", key), 3) for key, label in _TIMES.items()]
+        rows += [(say("table_time_ms", time=label), (*at, "ms", key), 3) for key, label in _TIMES.items()]
         names = part_names(word=words)
-        rows += [(f"{names[part]}, mean (ms)", (*at, "parts_ms", part, "mean"), 3) for part in PARTS]
+        rows += [
+            (say("late_part_mean", part=names[part]), (*at, "parts_ms", part, "mean"), 3) for part in PARTS
+        ]
         cases = dict.fromkeys(case for entry in entries for case in entry.get("bound_ms", {}))
-        rows += [(f"at worst with {case} (ms)", (*at, "bound_ms", case), 3) for case in cases]
+        rows += [(say("late_case", case=case_in_words(case)), (*at, "bound_ms", case), 3) for case in cases]
         yield name, rows
 
 
@@ -189,34 +193,39 @@ def _charts(source: Source, name: str, drawn: Charts) -> list[Chart]:
     far = {case: bound for case, bound in bounds_in_words(entry).items() if case not in near}
     longest = max([times["max"], *near.values()])
     quantity = _quantity(record)
-    where = f"from {times['min']:.1f} to {times['max']:.1f} ms, mean {times['mean']:.1f} ms"
-    beyond = ", ".join(f"{bound:,.3f} ms with {case}" for case, bound in far.items())
-    marked = "".join(f"; at worst {bound:.1f} ms with {case}" for case, bound in near.items())
+    where = say("chart_latency_where", least=times["min"], most=times["max"], mean=times["mean"])
+    beyond = [say("chart_latency_case", bound=bound, case=case_in_words(case)) for case, bound in far.items()]
+    marked = [
+        say("chart_latency_bound", bound=bound, case=case_in_words(case)) for case, bound in near.items()
+    ]
+    count = quantity.times(record.histogram.count)
     one = drawn.add(
         charts.histogram_chart(
             {source.label: record.histogram},
             None,
-            f"Histogram of {name}",
+            say("chart_latency", name=name),
             quantity,
             near,
             (0.0, longest),
         ),
-        f"Histogram of {record.histogram.count:,} {quantity.counted}, {quantity.time} {where}{marked}.",
+        say("chart_latency_said", count=count, time=quantity.time, parts=[where, *marked]),
         tables.histogram_data(record.histogram, name, quantity),
-        f"Beyond this axis: at worst {beyond}." if beyond else "",
+        say("chart_latency_beyond", cases=beyond) if beyond else "",
     )
     names = part_names(word=record.word)
     two = drawn.add(
-        charts.parts_chart(record, near, longest, f"What {name} is made of"),
-        f"The shortest, the mean and the longest {quantity.time} as bars of their parts: "
-        + "; ".join(
-            f"{word} on average {entry['parts_ms'][part]['mean']:.1f} ms"
-            for part, word in names.items()
-            if entry["parts_ms"][part]["max"] and entry["parts_ms"][part]["mean"] is not None
-        )
-        + ".",
+        charts.parts_chart(record, near, longest, say("chart_made_of", name=name)),
+        say(
+            "chart_made_of_said",
+            time=quantity.time,
+            parts=[
+                say("chart_part_mean", part=word, mean=entry["parts_ms"][part]["mean"])
+                for part, word in names.items()
+                if entry["parts_ms"][part]["max"] and entry["parts_ms"][part]["mean"] is not None
+            ],
+        ),
         parts_data(name, record, source.summary),
-        "Point at a part to read how long it took.",
+        say("chart_point"),
     )
     return [one, two]
 

@@ -9,87 +9,92 @@ from bussim.report import charts, tables
 from bussim.report.parts import Chart, Charts
 from bussim.report.runs import Source
 from bussim.report.tables import CODE, Cell, Table, number, pointer
-from bussim.words.formats import meaning
+from bussim.words.formats import meaning_of
+from bussim.words.language import say
+from bussim.words.tables import Said
 
 _SECTIONS = ("ports", "devices")
 
 
 class Metric(NamedTuple):
-    """A figure of a port or device: its label, the keys that lead to it in its entry, and its decimals."""
+    """A figure of a port or device: its label, the keys that lead to it in its entry, and its decimals.
+
+    Where there is a figure for each name of an entry, the label is the key of a text about a ``name``.
+    """
 
     label: str
     keys: tuple[str, ...]
     decimals: int | None = None
 
 
-_TIMES = (("p50", "median"), ("p99", "p99"), ("max", "longest"))
+_TIMES = tuple((key, tables.TIMES[key]) for key in ("p50", "p99", "max"))
 #: What a node is: the key that shows it, what its table is called, and its figures. A key whose entries are
 #: counts by name or code stands for a row of each.
 _ROLES: tuple[tuple[str, str, tuple[Metric, ...]], ...] = (
     (
         "transactions",
-        "Modbus masters",
+        say("node_masters"),
         (
-            Metric("requests", ("transactions",)),
-            Metric("answered (ok)", ("ok",)),
-            Metric("answered with own data", ("answered_with_own_data",)),
-            Metric("answered with another request's data", ("mismatched_responses",)),
-            Metric("responses after the timeout", ("late_responses",)),
-            Metric("no response in time", ("timeouts",)),
-            Metric("CRC or LRC", ("crc_errors",)),
-            Metric("{}", ("other_errors",)),
-            Metric("exception {} ({exception})", ("exceptions",)),
-            Metric("port error {} ({port_error}; yy of D8063 = 7xyy)", ("errors",)),
-            Metric("timeout (ms)", ("timeout_ms",)),
-            *(Metric(f"response time, {label} (ms)", ("response_ms", key), 3) for key, label in _TIMES),
-            *(Metric(f"poll cycle, {label} (ms)", ("cycle_ms", key), 3) for key, label in _TIMES),
+            Metric(say("node_requests"), ("transactions",)),
+            Metric(say("node_ok"), ("ok",)),
+            Metric(say("node_own"), ("answered_with_own_data",)),
+            Metric(say("node_mistaken"), ("mismatched_responses",)),
+            Metric(say("node_late"), ("late_responses",)),
+            Metric(say("node_timeouts"), ("timeouts",)),
+            Metric(say("node_crc"), ("crc_errors",)),
+            Metric("node_name", ("other_errors",)),
+            Metric("node_exception", ("exceptions",)),
+            Metric("node_port_error", ("errors",)),
+            Metric(say("table_timeout_ms"), ("timeout_ms",)),
+            *(Metric(say("node_response", label=label), ("response_ms", key), 3) for key, label in _TIMES),
+            *(Metric(say("node_cycle", label=label), ("cycle_ms", key), 3) for key, label in _TIMES),
         ),
     ),
     (
         "requests",
-        "Modbus slaves",
+        say("node_slaves"),
         (
-            Metric("station", ("station",)),
-            Metric("requests", ("requests",)),
-            Metric("answered", ("answered",)),
-            Metric("broadcasts", ("broadcasts",)),
-            Metric("exception {} ({exception})", ("exceptions",)),
-            Metric("ignored: {}", ("rejected",)),
-            Metric("port error {} ({port_error}; yy of D8063 = 7xyy)", ("errors",)),
+            Metric(say("table_station"), ("station",)),
+            Metric(say("node_requests"), ("requests",)),
+            Metric(say("node_answered"), ("answered",)),
+            Metric(say("node_broadcasts"), ("broadcasts",)),
+            Metric("node_exception", ("exceptions",)),
+            Metric("node_ignored", ("rejected",)),
+            Metric("node_port_error", ("errors",)),
         ),
     ),
     (
         "sent",
-        "Free protocol",
+        say("node_free"),
         (
-            Metric("messages sent", ("sent",)),
-            Metric("messages received", ("received",)),
-            Metric("receptions ended by timeout", ("timeouts",)),
-            Metric("damaged characters", ("damaged",)),
-            Metric("messages of others: {}", ("messages",)),
-            Metric("bytes sent", ("bytes", "sent")),
-            Metric("bytes received", ("bytes", "received")),
-            Metric("port error {} ({port_error}; yy of D8063 = 7xyy)", ("errors",)),
+            Metric(say("node_sent"), ("sent",)),
+            Metric(say("node_received"), ("received",)),
+            Metric(say("node_ended"), ("timeouts",)),
+            Metric(say("node_damaged"), ("damaged",)),
+            Metric("node_others", ("messages",)),
+            Metric(say("node_bytes_sent"), ("bytes", "sent")),
+            Metric(say("node_bytes_received"), ("bytes", "received")),
+            Metric("node_port_error", ("errors",)),
         ),
     ),
-    ("state", "Devices at the end of the run", (Metric("{}", ("state",)),)),
+    ("state", say("node_devices"), (Metric("node_state", ("state",)),)),
 )
 _BUS = (
-    Metric("baud", ("baud",), CODE),
-    Metric("format", ("format",)),
-    Metric("bus load (share of the time)", ("bus_load",), 4),
-    Metric("frames", ("frames",)),
-    Metric("collisions", ("collisions",)),
-    Metric("damaged frames taken as good", ("undetected_frames",)),
+    Metric(say("node_baud"), ("baud",), CODE),
+    Metric(say("node_format"), ("format",)),
+    Metric(say("node_load"), ("bus_load",), 4),
+    Metric(say("node_frames"), ("frames",)),
+    Metric(say("table_collisions"), ("collisions",)),
+    Metric(say("table_undetected_frames"), ("undetected_frames",)),
 )
 _POLL = (
-    Metric("attempts", ("transactions",)),
-    Metric("ok", ("ok",)),
-    Metric("turns", ("turns",)),
-    Metric("failed turns", ("failed_turns",)),
-    *(Metric(f"response, {label} (ms)", ("response_ms", key), 3) for key, label in _TIMES),
-    Metric("oldest data (ms)", ("age_ms", "oldest"), 3),
-    Metric("data age at the end (ms)", ("age_ms", "open"), 3),
+    Metric(say("node_attempts"), ("transactions",)),
+    Metric(say("node_good"), ("ok",)),
+    Metric(say("node_turns"), ("turns",)),
+    Metric(say("node_failed_turns"), ("failed_turns",)),
+    *(Metric(say("node_poll_response", label=label), ("response_ms", key), 3) for key, label in _TIMES),
+    Metric(say("node_oldest"), ("age_ms", "oldest"), 3),
+    Metric(say("node_age_end"), ("age_ms", "open"), 3),
 )
 
 
@@ -106,9 +111,9 @@ def node_tables(summary: Mapping[str, Any]) -> list[Table]:
         polls: dict[tuple[str, ...], Any] = {
             (*at, "polls", name): poll for name, poll in node.get("polls", {}).items()
         }
-        found.append(_table(f"The polls of {at[-1]}", polls, _POLL))
+        found.append(_table(say("node_polls", name=at[-1]), polls, _POLL))
     buses: dict[tuple[str, ...], Any] = {("buses", name): bus for name, bus in summary["buses"].items()}
-    found.append(_table("Buses beside the N:N links", buses, _BUS))
+    found.append(_table(say("node_buses"), buses, _BUS))
     return [table for table in found if table.rows]
 
 
@@ -119,7 +124,11 @@ def node_metrics(nodes: Iterable[Mapping[str, Any]]) -> list[Metric]:
     found = [metric for metrics in roles for metric in _spread(metrics, entries)]
     for poll in dict.fromkeys(name for node in entries for name in node.get("polls", {})):
         found += [
-            Metric(f"{_poll_name(poll)}: {metric.label}", ("polls", poll, *metric.keys), metric.decimals)
+            Metric(
+                say("node_of_poll", poll=_poll_name(poll), label=metric.label),
+                ("polls", poll, *metric.keys),
+                metric.decimals,
+            )
             for metric in _POLL
         ]
     return list(dict.fromkeys(found))
@@ -131,7 +140,7 @@ def _has(node: Mapping[str, Any], key: str) -> bool:
 
 
 def _poll_name(name: str) -> str:
-    return name or "driven by the program"
+    return name or say("program")
 
 
 def _table(
@@ -156,13 +165,13 @@ def _spread(metrics: Iterable[Metric], entries: Iterable[Mapping[str, Any]]) -> 
     """The figures, with a row for each name of those that are counts by name."""
     entries = list(entries)
     for metric in metrics:
-        if "{}" not in metric.label:
+        if isinstance(metric.label, Said):
             yield metric
             continue
         values = [value for entry in entries if isinstance(value := value_at(entry, metric.keys), Mapping)]
         for name in dict.fromkeys(name for value in values for name in value):
-            words = {kind: meaning(name, kind=kind) for kind in ("exception", "port_error")}
-            yield Metric(metric.label.format(name, **words), (*metric.keys, name), metric.decimals)
+            words = {kind: meaning_of(name, kind=kind) for kind in ("exception", "port_error")}
+            yield Metric(say(metric.label, name=name, **words), (*metric.keys, name), metric.decimals)
 
 
 _MISSING = object()
@@ -184,10 +193,11 @@ def response_charts(source: Source, drawn: Charts) -> list[Chart]:
         responses = record.responses
         if not responses.count:
             continue
-        title = f"Histogram of the response times of {name}"
+        title = say("chart_responses", name=name)
         chart = charts.histogram_chart({source.label: responses}, None, title, charts.RESPONSES)
-        data = tables.histogram_data(responses, f"the response times of {name}", charts.RESPONSES)
+        data = tables.histogram_data(responses, say("chart_responses_of", name=name), charts.RESPONSES)
         attempts = sum(poll.transactions for poll in record.polls.values())
-        text = f"requests answered with their own response: {responses.count:,} of {attempts:,}."
-        found.append(drawn.add(chart, f"Histogram of response times: {text}", data, f"R{text[1:]}"))
+        counts = {"responses": responses.count, "attempts": attempts}
+        texts = say("chart_responses_said", **counts), say("chart_responses_caption", **counts)
+        found.append(drawn.add(chart, texts[0], data, texts[1]))
     return found

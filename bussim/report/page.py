@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,9 +20,14 @@ from bussim.results.meters.histogram import Histogram
 from bussim.results.meters.timeline import fault_spans
 from bussim.results.plots.scan_times import run_labels
 from bussim.results.plots.style import RUNS
+from bussim.results.text.lines import fault_in_words
+from bussim.results.verdict.catalogue import sentence
 from bussim.results.verdict.verdict import about as about_bus
 from bussim.units import seconds
-from bussim.wording import about, counted, in_ms, shell_word
+from bussim.wording import about, in_ms, shell_word
+from bussim.words.language import current_language, say, shown
+from bussim.words.origins import assumption_in_words, in_words, origin_in_words
+from bussim.words.tables import page_words
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +53,7 @@ class LinkPart:
     tables: Sequence[Table]
     settings: Table
     programs: Sequence[tuple[str, Sequence[str]]]
+    rests: Sequence[str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +72,7 @@ class RunPart:
     faults: Sequence[tuple[str, str, str]]
     warnings: Sequence[str]
     commands: Sequence[str]
+    others: str
 
 
 def report_page(sources: Sequence[Source], command: Sequence[str] = ()) -> str:
@@ -88,7 +95,9 @@ def report_page(sources: Sequence[Source], command: Sequence[str] = ()) -> str:
             ],
             "charts": [
                 *(
-                    drawn.overlay(times, f"Link scan times on bus {bus}", "the link scan times", charts.SCANS)
+                    drawn.overlay(
+                        times, say("report_scans_several", bus=bus), say("report_of_scans"), charts.SCANS
+                    )
                     for bus in buses
                     if (times := _scan_times(sources, bus))
                 ),
@@ -97,15 +106,18 @@ def report_page(sources: Sequence[Source], command: Sequence[str] = ()) -> str:
             "changes": compare.scenario_changes(sources),
         }
     title = (
-        f"{sources[0].record.scenario}: simulation report"
+        say("report_title", scenario=sources[0].record.scenario)
         if len(sources) == 1
-        else f"{len(sources)} runs compared: simulation report"
+        else say("report_title_several", number=len(sources))
     )
+    lang = current_language()
+    words = {lang: page_words("report", lang)}
     return document(
         "page.html.jinja",
         ("page.js",),
-        {"charts": drawn.payload, "runs": RUNS},
-        title=title,
+        {"charts": shown(drawn.payload), "runs": RUNS, "lang": lang, "words": words},
+        lang="zh-Hans" if lang == "zh" else lang,
+        title=shown(title),
         runs=runs,
         comparison=comparison,
         command=" ".join(command),
@@ -114,10 +126,8 @@ def report_page(sources: Sequence[Source], command: Sequence[str] = ()) -> str:
 
 def _run(source: Source, ident: str, drawn: Charts, command: Sequence[str]) -> RunPart:
     summary = source.summary
-    what_was_run = (
-        f"Scenario {summary['scenario']}, {summary['duration_s']:g} s simulated, seed {summary['seed']}, "
-        f"bussim {summary['bussim']}."
-    )
+    what = {"scenario": summary["scenario"], "seed": summary["seed"], "version": summary["bussim"]}
+    what_was_run = say("report_about", **what, duration=summary["duration_s"])
     whole = [tables.plcs(source), *node_tables(summary)]
     said = summary["verdict"]
     links = [_link(source, bus, drawn) for bus in summary["links"]]
@@ -126,6 +136,7 @@ def _run(source: Source, ident: str, drawn: Charts, command: Sequence[str]) -> R
         for bus, scene in source.scenes.items()
         if bus not in summary["links"]
     ]
+    others = summary.get("rests_on", {}).get("other figures")
     return RunPart(
         ident,
         source,
@@ -133,12 +144,13 @@ def _run(source: Source, ident: str, drawn: Charts, command: Sequence[str]) -> R
         links,
         buses,
         latency_part(source, drawn),
-        [item["text"] for item in said if item["values"].get("bus") not in summary["links"]],
+        [sentence(item) for item in said if item["values"].get("bus") not in summary["links"]],
         response_charts(source, drawn),
         [table for table in whole if table.rows],
         _faults(source),
         summary["warnings"],
         _commands(source, command),
+        origin_in_words(others) if others else "",
     )
 
 
@@ -167,7 +179,7 @@ def _link(source: Source, bus: str, drawn: Charts) -> LinkPart:
         _link_charts(source, bus, drawn) if link["scans"] else [],
         None if scene is None else _timeline(scene, drawn),
         [] if scene is None else scene.why,
-        source.no_trace if link["scans"] else "No link scan was completed: there is none to draw.",
+        source.no_trace if link["scans"] else say("report_no_scan"),
         some,
         tables.settings(source, bus),
         [
@@ -175,7 +187,16 @@ def _link(source: Source, bus: str, drawn: Charts) -> LinkPart:
             for plc in record.plc_names
             if (found := source.summary["plcs"].get(plc))
         ],
+        _rests(source.summary.get("rests_on", {}).get("links", {}).get(bus)),
     )
+
+
+def _rests(found: Mapping[str, Any] | None) -> list[str]:
+    """What the figures of a link rest on; a folder of an earlier version does not say."""
+    if not found:
+        return []
+    most = [assumption_in_words(sentence) for sentence in found["assumptions"]]
+    return [*in_words(found), *([say("report_most"), *most] if most else [])]
 
 
 def _keys(source: Source, bus: str) -> list[Key]:
@@ -183,24 +204,25 @@ def _keys(source: Source, bus: str) -> list[Key]:
     times = link["scan_time_ms"]
     if not link["scans"]:
         return []
-    name, key = ("median", "p50") if times["p50"] is not None else ("mean", "mean")
+    name, key = ("key_median", "p50") if times["p50"] is not None else ("key_mean", "mean")
+    when = say("key_at", at=times["max_at_s"])
     keys = [
-        Key(f"{name} link scan", in_ms(times[key])),
-        Key("longest in the run", in_ms(times["max"], most=True), f"at {times['max_at_s']:.2f} s"),
+        Key(say(name), in_ms(times[key])),
+        Key(say("key_longest"), in_ms(times["max"], most=True), when),
     ]
     distribution = source.valid_distribution(bus)
     if distribution is not None:
         figures = distribution.figures
-        undisturbed = ", undisturbed" if distribution.notes else ""
-        keys.append(Key(f"longest at worst{undisturbed}", in_ms(figures["worst_case_ms"], most=True)))
+        worst = say("key_worst_undisturbed" if distribution.notes else "key_worst")
+        keys.append(Key(worst, in_ms(figures["worst_case_ms"], most=True)))
         onsets = figures["false_error_onsets_per_year"]
         if onsets is not None:
             rare = onsets < 0.01
-            keys.append(Key("false station errors a year", "under 0.01" if rare else about(onsets)))
+            keys.append(Key(say("key_errors"), say("key_rare") if rare else about(onsets)))
         if figures["one_dead_ms"] is not None:
-            one = "one more station" if figures["stations_dead"] else "one station"
-            keys.append(Key(f"link scan with {one} dead", in_ms(figures["one_dead_ms"])))
-    keys.append(Key("bus load", f"{100 * link['bus_load']:.1f} %"))
+            one = say("key_dead_more" if figures["stations_dead"] else "key_dead")
+            keys.append(Key(one, in_ms(figures["one_dead_ms"])))
+    keys.append(Key(say("key_load"), f"{100 * link['bus_load']:.1f} %"))
     return keys
 
 
@@ -208,26 +230,24 @@ def _link_charts(source: Source, bus: str, drawn: Charts) -> list[Chart]:
     record = source.record.links[bus]
     histogram, distribution = record.scan_times.histogram, source.valid_distribution(bus)
     times = source.summary["links"][bus]["scan_time_ms"]
-    beside = ", with the exact law over it" if distribution is not None else ""
-    where = f"from {in_ms(times['min'])} to {in_ms(times['max'], most=True)}, mean {in_ms(times['mean'])}"
+    span = {
+        "least": in_ms(times["min"]),
+        "most": in_ms(times["max"], most=True),
+        "mean": in_ms(times["mean"]),
+    }
+    where = say("chart_where", **span)
+    with_law = where if distribution is None else say("chart_where_law", **span)
     one = drawn.add(
-        charts.histogram_chart(
-            {source.label: histogram}, distribution, f"Histogram of the link scan time on bus {bus}"
-        ),
-        f"Histogram of {counted(histogram.count, 'link scan time')}, {where}{beside}.",
-        tables.histogram_data(histogram, f"the link scan time on bus {bus}", charts.SCANS),
-        "Bars: link scans counted."
-        + (
-            " Line: how many the exact law expects in each bar of this width."
-            if distribution is not None
-            else ""
-        ),
+        charts.histogram_chart({source.label: histogram}, distribution, say("chart_histogram", bus=bus)),
+        say("chart_histogram_said", scans=histogram.count, where=with_law),
+        tables.histogram_data(histogram, say("chart_scan_times_of", bus=bus), charts.SCANS),
+        say("chart_bars" if distribution is None else "chart_bars_law"),
     )
     two = drawn.add(
-        charts.tail_chart(histogram, distribution, f"How often a link scan on bus {bus} takes longer"),
-        f"Share of link scans that take longer than x, on a logarithmic axis, {where}{beside}.",
+        charts.tail_chart(histogram, distribution, say("chart_tail", bus=bus)),
+        say("chart_tail_said", where=with_law),
         None,
-        "The share of all link scans that take longer than the time below.",
+        say("chart_tail_caption"),
     )
     faults = fault_spans(source.record.notes, {bus, *record.plc_names})
     three = drawn.add(
@@ -235,13 +255,17 @@ def _link_charts(source: Source, bus: str, drawn: Charts) -> list[Chart]:
             record,
             faults,
             source.record.duration,
-            f"Link scan time on bus {bus} over the run",
+            say("chart_over_run", bus=bus),
             source.summary["links"][bus].get("master_lost", ()),
         ),
-        f"Longest and shortest link scans over the {source.summary['duration_s']:g} s of the run, {where}; "
-        f"{counted(len(faults), 'fault')} acted.",
+        say(
+            "chart_over_run_said",
+            duration=f"{source.summary['duration_s']:g}",
+            where=where,
+            faults=len(faults),
+        ),
         None,
-        "Bars below: when faults acted, the master had a station in error, and slaves had lost the master."
+        say("chart_lanes")
         if faults or record.in_error or source.summary["links"][bus].get("master_lost")
         else "",
     )
@@ -249,12 +273,12 @@ def _link_charts(source: Source, bus: str, drawn: Charts) -> list[Chart]:
 
 
 def _timeline(scene: Scene, drawn: Charts) -> Chart:
-    where = f"{seconds(scene.begin):.3f} s to {seconds(scene.end):.3f} s"
+    where = {"bus": scene.bus, "begin": seconds(scene.begin), "end": seconds(scene.end)}
     return drawn.add(
-        charts.scene_chart(scene, f"Timeline of bus {scene.bus}, {where}"),
-        f"What each station sent on bus {scene.bus} from {where}, a lane each. {' '.join(scene.why)}",
+        charts.scene_chart(scene, say("chart_timeline", **where)),
+        say("chart_timeline_said", **where, why=say("sentences", texts=scene.why)),
         tables.scene_data(scene),
-        "Drag to zoom, double-click for the whole; point at a frame to read what it is.",
+        say("chart_timeline_caption"),
     )
 
 
@@ -276,8 +300,9 @@ def _faults(source: Source) -> list[tuple[str, str, str]]:
     subjects = {str(note.detail.get(key)) for note in source.record.notes for key in ("node", "bus")}
     rows = []
     for text, span in fault_spans(source.record.notes, subjects):
-        until = "to the end" if span.end is None else f"{seconds(span.end):.3f} s"
-        rows.append((text, f"{seconds(span.start):.3f} s", "at once" if span.end == span.start else until))
+        until = say("fault_to_end") if span.end is None else f"{seconds(span.end):.3f} s"
+        until = say("fault_at_once") if span.end == span.start else until
+        rows.append((fault_in_words(text), f"{seconds(span.start):.3f} s", until))
     return rows
 
 
@@ -285,11 +310,11 @@ def _commands(source: Source, command: Sequence[str]) -> list[str]:
     """How to get the run again from the scenario in the page."""
     lines = [
         f"pip install bussim=={source.summary['bussim']}",
-        "# save the scenario below as scenario.yaml; it holds the seed and every default",
+        say("report_pip"),
         "bussim run scenario.yaml --trace --out again",
         "bussim report again -o again.html",
     ]
-    return [*lines, f"# this page: {' '.join(map(shell_word, command))}"] if command else lines
+    return [*lines, say("report_this_page", command=" ".join(map(shell_word, command)))] if command else lines
 
 
 def labels_of(names: Sequence[str], sources: Iterable[Any]) -> list[str]:

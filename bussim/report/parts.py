@@ -9,6 +9,7 @@ from typing import Any
 from bussim.report.charts import Quantity, histogram_chart
 from bussim.report.tables import Table
 from bussim.results.meters.histogram import Histogram
+from bussim.words.language import say
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +37,8 @@ class Charts:
     def overlay(self, histograms: Mapping[str, Histogram], title: str, of: str, quantity: Quantity) -> Chart:
         """Take the histograms of several runs in, on one axis; ``of`` is what is drawn."""
         return self.add(
-            histogram_chart(histograms, None, f"{title}, all runs", quantity),
-            f"Histograms of {of} of {', '.join(histograms)} on one axis.",
+            histogram_chart(histograms, None, say("chart_overlay", title=title), quantity),
+            say("chart_overlay_said", of=of, runs=", ".join(histograms)),
             None,
-            f"Each run as the share of its own {quantity.counted}.",
+            say("chart_overlay_caption", counted=quantity.counted),
         )

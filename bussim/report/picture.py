@@ -35,13 +35,14 @@ from bussim.results.plots.style import (
     GREY,
     IN_ERROR,
     Picture,
+    drawn,
     finish_picture,
     new_picture,
     shorten,
     style,
 )
 from bussim.units import milliseconds, seconds
-from bussim.wording import counted
+from bussim.words.language import said_text, say, shown
 
 _WIDTH = 13.0
 _LANE_HEIGHT = 0.36
@@ -61,36 +62,38 @@ class BoxStyle(NamedTuple):
 
 #: Frames have the colours of :data:`bussim.results.plots.style.FRAMES`.
 BOX_STYLES = {
-    SCAN: BoxStyle("#e4e4e4", 0.7, meaning="link scan"),
-    GOOD: BoxStyle("#c8c8c8", 0.5, meaning="attempt with a reply"),
-    WAIT: BoxStyle(IN_ERROR, 0.7, "////", filled=False, meaning="failed attempt, until it was decided"),
-    DAMAGE: BoxStyle(IN_ERROR, 0.8, meaning="damaged character"),
-    HEARD_DAMAGE: BoxStyle(IN_ERROR, 0.3, filled=False, meaning="damaged in this receiver only"),
-    LOST: BoxStyle(IN_ERROR, 0.8, "xxxx", filled=False, meaning="frame that collided or was cut off"),
-    DRIVEN: BoxStyle(IN_ERROR, 0.3, "////", filled=False, meaning="driver on, nothing sent"),
-    ACTING: BoxStyle(FAULT, 0.5, meaning="a fault acts"),
-    FLAG: BoxStyle(IN_ERROR, 0.5, meaning="the master has a station in error"),
-    LEVEL: BoxStyle("#eeeeee", 0.62, meaning="value of a device"),
+    SCAN: BoxStyle("#e4e4e4", 0.7, meaning=say("box_scan")),
+    GOOD: BoxStyle("#c8c8c8", 0.5, meaning=say("box_good")),
+    WAIT: BoxStyle(IN_ERROR, 0.7, "////", filled=False, meaning=say("box_wait")),
+    DAMAGE: BoxStyle(IN_ERROR, 0.8, meaning=say("box_damage")),
+    HEARD_DAMAGE: BoxStyle(IN_ERROR, 0.3, filled=False, meaning=say("box_heard")),
+    LOST: BoxStyle(IN_ERROR, 0.8, "xxxx", filled=False, meaning=say("box_lost")),
+    DRIVEN: BoxStyle(IN_ERROR, 0.3, "////", filled=False, meaning=say("box_driven")),
+    ACTING: BoxStyle(FAULT, 0.5, meaning=say("box_acting")),
+    FLAG: BoxStyle(IN_ERROR, 0.5, meaning=say("box_flag")),
+    LEVEL: BoxStyle("#eeeeee", 0.62, meaning=say("box_level")),
 }
 MARKS = {
-    END: ("|", GREY, 5, "END of the PLC's scan"),
-    EVENT: ("v", FAULT, 7, "event"),
-    TROUBLE: ("v", IN_ERROR, 7, "error"),
+    END: ("|", GREY, 5, say("mark_end")),
+    EVENT: ("v", FAULT, 7, say("mark_event")),
+    TROUBLE: ("v", IN_ERROR, 7, say("mark_error")),
 }
 
 
 def style_of(kind: str) -> BoxStyle:
     """How a kind of box is drawn; a frame of a kind that has no colour is grey."""
-    return BOX_STYLES.get(kind) or BoxStyle(FRAMES.get(kind, GREY), meaning=f"{kind.removesuffix('s')} frame")
+    meaning = say("scene_kind", kind=kind.removesuffix("s"))
+    return BOX_STYLES.get(kind) or BoxStyle(FRAMES.get(kind, GREY), meaning=meaning)
 
 
+@drawn
 def timeline_picture(scene: Scene, description: str) -> Picture:
     """The picture of a timeline; ``description`` is what it rests on (scenario, seed, version)."""
     with style():
         height = _LANE_HEIGHT * len(scene.lanes) + 1.6
         picture = new_picture(_WIDTH, height, description)
-        label = f"ms after {seconds(scene.begin):.6f} s"
-        names = [shorten(lane, 30) for lane in scene.lanes]
+        label = said_text("picture_after", begin=seconds(scene.begin))
+        names = [shorten(shown(lane), 30) for lane in scene.lanes]
         room = _WIDTH - 0.6 - max(picture.width_of(name, 9) for name in names)
         label = "\n".join([label, *(picture.wrapped(text, 9, room) for text in _texts(scene))])
         picture.set_figheight(height + 0.17 * label.count("\n"))
@@ -103,7 +106,8 @@ def timeline_picture(scene: Scene, description: str) -> Picture:
         axes.grid(visible=False, axis="y")
         axes.tick_params(axis="y", length=0)
         axes.set_xlabel(label, loc="left", fontsize=9)
-        heading = f"{scene.bus}, {seconds(scene.begin):.3f} s to {seconds(scene.end):.3f} s"
+        times = {"begin": seconds(scene.begin), "end": seconds(scene.end)}
+        heading = say("picture_heading", bus=scene.bus, **times)
         finish_picture(picture, heading, _legend(scene), columns=4)
         # Only now is it known how wide a box is on paper.
         picture.draw_without_rendering()
@@ -114,20 +118,20 @@ def timeline_picture(scene: Scene, description: str) -> Picture:
 def _draw_boxes(axes: Axes, scene: Scene) -> None:
     by_kind: dict[str, list[Rectangle]] = {}
     for box in scene.boxes:
-        drawn = style_of(box.kind)
+        look = style_of(box.kind)
         start, width = _extent(scene, box)
-        rectangle = Rectangle((start, box.lane - drawn.height / 2), width, drawn.height)
+        rectangle = Rectangle((start, box.lane - look.height / 2), width, look.height)
         by_kind.setdefault(box.kind, []).append(rectangle)
     for kind, rectangles in by_kind.items():
-        drawn = style_of(kind)
+        look = style_of(kind)
         over = kind in (DAMAGE, HEARD_DAMAGE, LOST)
         axes.add_collection(
             PatchCollection(
                 rectangles,
-                facecolor=drawn.colour if drawn.filled else "none",
-                edgecolor=drawn.colour if over else IN_ERROR if drawn.hatch else "#555555",
+                facecolor=look.colour if look.filled else "none",
+                edgecolor=look.colour if over else IN_ERROR if look.hatch else "#555555",
                 linewidth=0.5,
-                hatch=drawn.hatch or None,
+                hatch=look.hatch or None,
                 zorder=3 if over else 2,
             )
         )
@@ -172,17 +176,18 @@ def _label_boxes(picture: Picture, axes: Axes, scene: Scene) -> None:
         if not box.label:
             continue
         start, width = _extent(scene, box)
-        if box.label not in widths:
-            widths[box.label] = picture.width_of(box.label, 7) * picture.dpi
-        if widths[box.label] + 4 > width * per_ms:
+        label = shown(box.label)
+        if label not in widths:
+            widths[label] = picture.width_of(label, 7) * picture.dpi
+        if widths[label] + 4 > width * per_ms:
             continue
-        drawn = style_of(box.kind)
-        behind = {"facecolor": "white", "edgecolor": "none", "pad": 0.8} if drawn.hatch else None
-        dark = drawn.filled and drawn.colour == "#000000"
+        look = style_of(box.kind)
+        behind = {"facecolor": "white", "edgecolor": "none", "pad": 0.8} if look.hatch else None
+        dark = look.filled and look.colour == "#000000"
         axes.text(
             start + width / 2,
             box.lane,
-            shorten(box.label, 60),
+            shorten(label, 60),
             ha="center",
             va="center",
             fontsize=7,
@@ -195,14 +200,14 @@ def _label_boxes(picture: Picture, axes: Axes, scene: Scene) -> None:
 def _texts(scene: Scene) -> list[str]:
     """What is written under the picture: the events by number, and why link scans took so long."""
     events = [
-        f"{number}  {milliseconds(mark.tick - scene.begin):.3f} ms: {mark.text}"
+        said_text("picture_event", number=number, ms=milliseconds(mark.tick - scene.begin), text=mark.text)
         for number, mark in enumerate(_events(scene), 1)
     ]
     if len(events) > _MOST_EVENTS:
-        events[_MOST_EVENTS:] = [f"… and {counted(len(events) - _MOST_EVENTS, 'more event')}"]
+        events[_MOST_EVENTS:] = [said_text("picture_more_events", number=len(events) - _MOST_EVENTS)]
     if scene.left_out:
-        events.append(f"{counted(scene.left_out, 'more device')} changed")
-    return [*events, *scene.why]
+        events.append(said_text("picture_more_devices", number=scene.left_out))
+    return [*events, *map(shown, scene.why)]
 
 
 def _legend(scene: Scene) -> Sequence[Artist]:
@@ -210,16 +215,18 @@ def _legend(scene: Scene) -> Sequence[Artist]:
     for kind in scene.kinds():
         if kind in MARKS:
             shape, colour, size, meaning = MARKS[kind]
-            handles.append(Line2D([], [], linestyle="", marker=shape, color=colour, ms=size, label=meaning))
+            handles.append(
+                Line2D([], [], linestyle="", marker=shape, color=colour, ms=size, label=shown(meaning))
+            )
         elif kind not in (SCAN, LEVEL):
-            drawn = style_of(kind)
+            look = style_of(kind)
             handles.append(
                 Patch(
-                    facecolor=drawn.colour if drawn.filled else "none",
-                    edgecolor=IN_ERROR if drawn.hatch or kind == HEARD_DAMAGE else "#555555",
+                    facecolor=look.colour if look.filled else "none",
+                    edgecolor=IN_ERROR if look.hatch or kind == HEARD_DAMAGE else "#555555",
                     linewidth=0.5,
-                    hatch=drawn.hatch or None,
-                    label=drawn.meaning,
+                    hatch=look.hatch or None,
+                    label=shown(look.meaning),
                 )
             )
     return handles

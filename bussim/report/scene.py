@@ -14,10 +14,12 @@ from bussim.line.characters import CharFormat
 from bussim.line.wave import edge_of, paused
 from bussim.report.trace_window import TraceWindow, in_words, ms, parts_of_scan
 from bussim.results.meters.timeline import Span
+from bussim.results.text.lines import fault_in_words
 from bussim.trace.levels import timing_of_frame
 from bussim.trace.records import AttemptRecord, FrameRecord, ScanRecord, TransactionRecord
 from bussim.units import seconds
-from bussim.wording import counted
+from bussim.words.language import say
+from bussim.words.tables import recognised
 
 #: Most lanes of devices that changed; the least busy ones are left out.
 MOST_DEVICES = 8
@@ -108,40 +110,55 @@ class _Painter:
     def scans(self, scans: Sequence[ScanRecord]) -> None:
         if not scans:
             return
-        lane = self.lane("link scans")
+        lane = self.lane(say("scene_scans"))
         for scan in scans:
             took = ms(scan.duration)
-            text = f"link scan {scan.number}: {took}" + (f", {scan.cause}" if scan.cause else "")
+            text = say("scene_scan", number=scan.number, took=took)
+            if scan.cause:
+                text = say("scene_scan_because", number=scan.number, took=took, cause=scan.cause)
             self.box(lane, scan.start, scan.start + scan.duration, SCAN, took, text)
 
     def attempts(self, attempts: Sequence[AttemptRecord]) -> None:
         if not attempts:
             return
-        lane = self.lane("attempts")
+        lane = self.lane(say("scene_attempts"))
         for a in attempts:
             took = ms(a.end - a.start)
-            where = f"attempt {a.number} at {self.window.station(a.station)}"
+            where = say("scene_attempt", number=a.number, station=self.window.station(a.station))
             if a.code:
-                text = f"{where}: {a.outcome}, code {a.code:02X}, given up after {took}"
-                self.box(lane, a.start, a.end, WAIT, f"attempt {a.number}: {a.outcome} ({a.code:02X})", text)
+                values = {"outcome": a.outcome, "code": f"{a.code:02X}"}
+                label = say("scene_failed_label", number=a.number, **values)
+                text = say("scene_failed", where=where, took=took, **values)
+                self.box(lane, a.start, a.end, WAIT, label, text)
             else:
-                late = "" if a.turnaround is None else f", turnaround {ms(a.turnaround)}"
-                self.box(lane, a.start, a.end, GOOD, f"to {a.station}", f"{where}: reply{late}")
+                text = say("scene_reply", where=where)
+                if a.turnaround is not None:
+                    text = say("scene_reply_after", where=where, time=ms(a.turnaround))
+                self.box(lane, a.start, a.end, GOOD, say("scene_to", station=a.station), text)
 
     def transactions(self, transactions: Sequence[TransactionRecord]) -> None:
         masters = dict.fromkeys(t.master for t in transactions)
         for master in masters:
-            lane = self.lane(f"attempts of {master}" if len(masters) > 1 else "attempts")
+            several = len(masters) > 1
+            lane = self.lane(say("scene_attempts_of", master=master) if several else say("scene_attempts"))
             for t in transactions:
                 if t.master != master or t.sent is None:
                     continue
-                what = f"{t.poll or 'request'}: function {t.function} at station {t.station}, "
-                what += f"address {t.address}, quantity {t.quantity}, attempt {t.attempt}"
+                what = say(
+                    "scene_request",
+                    poll=t.poll or say("scene_a_request"),
+                    function=t.function,
+                    station=t.station,
+                    address=t.address,
+                    quantity=t.quantity,
+                    attempt=t.attempt,
+                )
                 if t.outcome == "ok":
-                    self.box(lane, t.sent, t.end, GOOD, t.poll, f"{what}: response")
+                    self.box(lane, t.sent, t.end, GOOD, t.poll, say("scene_response", what=what))
                 else:
-                    text = f"{what}: {t.outcome}"
-                    self.box(lane, t.sent, t.end, WAIT, f"attempt {t.attempt}: {t.outcome}", text)
+                    label = say("scene_outcome_label", attempt=t.attempt, outcome=t.outcome)
+                    text = say("scene_outcome", what=what, outcome=t.outcome)
+                    self.box(lane, t.sent, t.end, WAIT, label, text)
 
     def nodes(self) -> None:
         window = self.window
@@ -155,26 +172,31 @@ class _Painter:
             for receiver, bits in frame.damaged_at.items():
                 if receiver in lane_of:
                     for start, end, text in _damage(frame, bits):
-                        heard = f"{receiver} receives {text} of {frame.sender} damaged"
+                        heard = say("scene_heard", receiver=receiver, text=text, sender=frame.sender)
                         self.box(lane_of[receiver], start, end, HEARD_DAMAGE, "", heard)
         for plc, ticks in window.ends.items():
             for name in (plc, *(n for n in lane_of if n.startswith(f"{plc}."))):
                 if name in lane_of:
                     for tick in ticks:
-                        self.mark(lane_of[name], tick, END, f"END of {plc}")
+                        self.mark(lane_of[name], tick, END, say("scene_end", plc=plc))
 
     def _frame(self, lane: int, frame: FrameRecord) -> None:
-        of = "" if frame.station is None else f", station {frame.station}"
-        count = "" if frame.counter is None else f", counter {frame.counter}"
-        faults = [word for word, on in (("collided", frame.collided), ("cut off", frame.cut)) if on]
+        what = say("scene_kind", kind=frame.kind)
+        if frame.station is not None:
+            what = say("scene_kind_station", frame=what, station=frame.station)
+        if frame.counter is not None:
+            what = say("scene_counter", frame=what, counter=frame.counter)
+        marks = ("scene_collided", frame.collided), ("scene_cut_off", frame.cut)
+        faults = [say(key) for key, on in marks if on]
         if frame.damaged_bits:
-            number = len(frame.damaged_bits)
-            faults.append(counted(number, "damaged bit"))
-        faults += [f"pause of {ms(ticks)} after character {index + 1}" for index, ticks in frame.pauses]
-        text = f"{frame.sender}: {frame.kind} frame{of}{count}, {counted(len(frame.chars), 'character')}, "
-        text += ms(frame.end - frame.start) + (f"; {', '.join(faults)}" if faults else "")
-        plain = frame.station is None or frame.kind == "parameters"
-        label = frame.kind if plain else f"{frame.kind} {frame.station}"
+            faults.append(say("scene_bits", number=len(frame.damaged_bits)))
+        faults += [say("scene_pause", time=ms(ticks), number=index + 1) for index, ticks in frame.pauses]
+        size = {"characters": len(frame.chars), "time": ms(frame.end - frame.start)}
+        text = say("scene_frame", sender=frame.sender, frame=what, **size)
+        text = say("scene_frame_faults", frame=text, faults=faults) if faults else text
+        label = say("scene_label", kind=frame.kind)
+        if frame.station is not None and frame.kind != "parameters":
+            label = say("scene_label_station", kind=frame.kind, station=frame.station)
         self.box(lane, frame.start, frame.end, frame.kind, label, text)
         idle = [(frame.end, frame.driven_until)]
         for index, ticks in frame.pauses:
@@ -182,12 +204,11 @@ class _Painter:
             idle.append((edge - ticks, min(edge, frame.end)))
         for start, end in idle:
             if start < end:
-                on = f"driver of {frame.sender} on for {ms(end - start)}, nothing sent"
+                on = say("scene_driver", sender=frame.sender, time=ms(end - start))
                 self.box(lane, start, end, DRIVEN, "", on)
         for start, end, what in _damage(frame, frame.damaged_bits):
-            self.box(
-                lane, start, end, DAMAGE, "", f"{what} of {frame.sender}'s {frame.kind} frame is damaged"
-            )
+            damaged = say("scene_damaged", what=what, sender=frame.sender, kind=frame.kind)
+            self.box(lane, start, end, DAMAGE, "", damaged)
         if frame.collided or frame.cut:
             self.box(lane, frame.start, frame.end, LOST, "", text)
 
@@ -195,12 +216,12 @@ class _Painter:
         window = self.window
         faults: dict[str, list[Span]] = {}
         for text, span in window.faults:
-            faults.setdefault(text, []).append(span)
+            faults.setdefault(fault_in_words(text), []).append(span)
         for text, spans in faults.items():
-            self._spans("fault", spans, ACTING, text, text)
+            self._spans(say("scene_fault"), spans, ACTING, text, text)
         for station, flags in window.flags.items():
             name = window.flag_names[station]
-            text = f"{name} is on: {window.station(station)} is in error"
+            text = say("scene_flag", name=name, station=window.station(station))
             self._spans(name, flags, FLAG, "ON", text)
 
     def _spans(self, name: str, spans: Sequence[Span], kind: str, label: str, text: str) -> None:
@@ -217,17 +238,19 @@ class _Painter:
         shown = [n for n in self.window.notes if self.window.begin <= n.tick < self.window.end]
         if not shown:
             return
-        lane = self.lane("events")
+        lane = self.lane(say("scene_events"))
         # What several stations report of one event at one instant is one mark.
         reported: dict[tuple[int, str, str], list[str]] = {}
         for note in shown:
-            over = " is over" if note.kind == "fault_over" else ""
+            fault = note.kind.startswith("fault")
+            text = fault_in_words(note.text) if fault else recognised(note.text, "note_")
+            text = say("scene_over", text=text) if note.kind == "fault_over" else text
             kind = TROUBLE if note.kind in _TROUBLE_KINDS else EVENT
-            by = reported.setdefault((note.tick, kind, note.text + over), [])
-            if note.where not in (self.window.bus, "") and not note.kind.startswith("fault"):
+            by = reported.setdefault((note.tick, kind, text), [])
+            if note.where not in (self.window.bus, "") and not fault:
                 by.append(note.where)
         for (tick, kind, text), by in reported.items():
-            self.mark(lane, tick, kind, f"{', '.join(by)}: {text}" if by else text)
+            self.mark(lane, tick, kind, say("scene_by", by=by, text=text) if by else text)
 
     def values(self) -> int:
         window = self.window
@@ -242,11 +265,18 @@ class _Painter:
             if key not in kept:
                 continue
             plc, device = key
-            where = " (wire)" if key in wires else ""
-            lane = self.lane(f"{plc} {device}{where}")
+            name = say("scene_wire", device=device) if key in wires else device
+            lane = self.lane(say("scene_device", plc=plc, device=name))
             steps = sorted(past)
             for (tick, number), (until, _) in pairwise([*steps, (window.end, 0)]):
-                self.box(lane, tick, until, LEVEL, f"{number}", f"{plc}: {device} = {number}{where}")
+                self.box(
+                    lane,
+                    tick,
+                    until,
+                    LEVEL,
+                    f"{number}",
+                    say("scene_value", plc=plc, device=name, number=number),
+                )
         return len(busiest) - len(kept)
 
 
@@ -300,7 +330,7 @@ def _damage(frame: FrameRecord, bits: Sequence[int]) -> Iterable[tuple[int, int,
     for char in sorted({min(bit // per_char, number - 1) for bit in bits}):
         begin = frame.start + paused(frame.pauses, char)
         start, end = (begin + length * edge // number for edge in (char, char + 1))
-        yield start, end, f"character {char + 1} of {number}"
+        yield start, end, say("scene_character", number=char + 1, among=number)
 
 
 def _why(window: TraceWindow) -> Iterable[str]:
@@ -311,5 +341,8 @@ def _why(window: TraceWindow) -> Iterable[str]:
             continue
         parts = parts_of_scan(window, scan)
         # A late reply is no part of its own; the scan's cause names the station.
-        because = "" if any(part.lost for part in parts) else f"; {scan.cause}"
-        yield f"Link scan {scan.number}, from {seconds(scan.start):.6f} s, took {in_words(parts)}{because}."
+        values = {"number": scan.number, "start": seconds(scan.start), "said": in_words(parts)}
+        if any(part.lost for part in parts):
+            yield say("scene_why", **values)
+        else:
+            yield say("scene_why_because", **values, cause=scan.cause)

@@ -8,21 +8,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-MEANINGS = {
-    "D8176": "station number (0: master)",
-    "D8177": "number of slaves",
-    "D8178": "refresh mode",
-    "D8179": "retries",
-    "D8180": "communication timeout, in 10 ms",
-    "M8179": "port (0: COM3, 1: COM4)",
-}
+#: The settings by their registers.
+SETTINGS = ("D8176", "D8177", "D8178", "D8179", "D8180", "M8179")
 #: A slave needs only these; it learns the rest from the master.
 _OF_SLAVES = ("D8176", "M8179")
 
 
 def used(registers: Mapping[str, Any]) -> dict[str, int]:
     """The settings that a station's registers hold and that count there."""
-    names = MEANINGS if registers.get("D8176") == 0 else _OF_SLAVES
+    names = SETTINGS if registers.get("D8176") == 0 else _OF_SLAVES
     return {name: int(registers[name]) for name in names if name in registers}
 
 

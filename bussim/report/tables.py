@@ -10,7 +10,8 @@ from typing import Any
 from bussim.report.charts import Quantity
 from bussim.report.runs import ExactDistribution, Source
 from bussim.report.scene import END, Scene
-from bussim.report.settings import MEANINGS, used
+from bussim.report.settings import SETTINGS as REGISTERS
+from bussim.report.settings import used
 from bussim.results.meters.histogram import BIN_TICKS, Histogram, bar_width, statistics
 from bussim.results.meters.timeline import time_on
 from bussim.results.registers import own_name, own_names
@@ -18,27 +19,14 @@ from bussim.results.text.run import lost_by_station
 from bussim.trace.records import AttemptRecord
 from bussim.units import milliseconds
 from bussim.wording import about
-from bussim.words.formats import meaning
+from bussim.words.formats import meaning_of
+from bussim.words.language import say
 
 #: Where a quantile has too few samples beyond it, or a figure does not exist.
 NONE = "–"
 #: Settings of a link by their keys in ``summary.json``, and statistics of times likewise.
-SETTINGS = {
-    "stations": "stations",
-    "mode": "refresh mode (D8178)",
-    "retries": "retries (D8179)",
-    "attempts": "attempts a poll",
-    "timeout_ms": "timeout (ms)",
-}
-TIMES = {
-    "min": "shortest",
-    "p50": "median",
-    "mean": "mean",
-    "p95": "p95",
-    "p99": "p99",
-    "p999": "p999",
-    "max": "longest",
-}
+SETTINGS = {key: say(f"table_{key}") for key in ("stations", "mode", "retries", "attempts", "timeout_ms")}
+TIMES = {key: say(f"table_{key}") for key in ("min", "p50", "mean", "p95", "p99", "p999", "max")}
 _MOST_BARS = 40
 _MOST_EVENTS = 500
 
@@ -91,22 +79,15 @@ def found(summary: Mapping[str, Any], *keys: str, decimals: int | None = None) -
     value: Any = summary
     for key in keys:
         value = value[key]
-    few = "too few samples" if value is None else ""
+    few = say("table_few") if value is None else ""
     return Cell(number(value, decimals), pointer(*keys), few)
 
 
 def scan_times(source: Source, bus: str) -> Table:
     """The link scan time over the whole run and after start-up."""
     at = ("links", bus, "scan_time_ms")
-    keys = {
-        "min": "shortest",
-        "mean": "mean",
-        "p50": "median",
-        "p95": "p95: 19 in 20 take at most",
-        "p99": "p99: 99 in 100 take at most",
-        "p999": "p999: 999 in 1,000 take at most",
-        "max": "longest",
-    }
+    keys = {key: TIMES[key] for key in ("min", "mean", "p50")}
+    keys |= {key: say(f"table_{key}_long") for key in ("p95", "p99", "p999")} | {"max": TIMES["max"]}
     rows = [
         (
             label,
@@ -118,57 +99,47 @@ def scan_times(source: Source, bus: str) -> Table:
         for key, label in keys.items()
     ]
     return Table(
-        f"Link scan time on bus {bus} (ms)",
-        ["", "whole run", "once all stations were healthy"],
+        say("table_scan_times", bus=bus),
+        ["", say("table_whole"), say("table_after")],
         rows,
-        "A dash: too few link scans beyond it.",
+        say("table_dash"),
     )
 
 
 def link_figures(source: Source, bus: str) -> Table:
     """Settings and counts of a link."""
     at = ("links", bus)
-    labels = SETTINGS | {
-        "scans": "link scans",
-        "polls": "polls, repeats not counted",
-        "collisions": "collisions",
-        "undetected_frames": "damaged frames taken as good",
-        "healthy_at_s": "all stations healthy for the first time (s)",
-    }
+    counts = ("scans", "polls", "collisions", "undetected_frames", "healthy_at_s")
+    labels = SETTINGS | {key: say(f"table_{key}") for key in counts}
     rows = [(label, [found(source.summary, *at, key)]) for key, label in labels.items()]
     load = source.summary["links"][bus]["bus_load"]
-    rows.append(("bus load", [Cell(f"{100 * load:.2f} %", pointer(*at, "bus_load"))]))
-    return Table(f"The link on bus {bus}", ["", "value"], rows)
+    rows.append((say("table_bus_load"), [Cell(f"{100 * load:.2f} %", pointer(*at, "bus_load"))]))
+    return Table(say("table_link", bus=bus), ["", say("table_value")], rows)
 
 
 def exact_figures(bus: str, distribution: ExactDistribution) -> Table:
     """The figures of a link's exact distribution."""
     f = distribution.figures
-    more = " more" if f["stations_dead"] else ""
+    more = "_more" if f["stations_dead"] else ""
+    least, most = (number(f["no_error_ms"][key], 3) for key in ("min", "max"))
     rows: list[tuple[str, str]] = [
-        ("mean link scan (ms)", number(f["mean_ms"], 3)),
-        (
-            "without errors, shortest and longest (ms)",
-            " to ".join(number(f["no_error_ms"][k], 3) for k in ("min", "max")),
-        ),
+        (say("table_mean_scan"), number(f["mean_ms"], 3)),
+        (say("table_no_errors"), say("table_range", least=least, most=most)),
         *(
-            (f"exceeded by 1 scan in {_one_in(float(key))} (ms)", number(x, 3))
+            (say("table_exceeded", number=_one_in(float(key))), number(x, 3))
             for key, x in f["quantiles_ms"].items()
         ),
-        ("at worst (ms)", number(f["worst_case_ms"], 3)),
-        (f"one{more} station dead (ms)", number(f["one_dead_ms"], 3)),
-        (f"two{more} stations dead (ms)", number(f["two_dead_ms"], 3)),
-        ("a dead station is in error: after the mean (ms)", number(f["detect_ms"]["mean"], 3)),
-        (
-            "a dead station is in error: at the latest after (ms), while no other reply is lost",
-            number(f["detect_ms"]["max"], 3),
-        ),
-        ("silence without a station error (ms)", number(f["ride_through_ms"]["silence"], 3)),
-        ("false station errors begin, a year", _rate(f["false_error_onsets_per_year"])),
+        (say("table_worst"), number(f["worst_case_ms"], 3)),
+        (say(f"table_one_dead{more}"), number(f["one_dead_ms"], 3)),
+        (say(f"table_two_dead{more}"), number(f["two_dead_ms"], 3)),
+        (say("table_detect_mean"), number(f["detect_ms"]["mean"], 3)),
+        (say("table_detect_max"), number(f["detect_ms"]["max"], 3)),
+        (say("table_silence"), number(f["ride_through_ms"]["silence"], 3)),
+        (say("table_onsets_year"), _rate(f["false_error_onsets_per_year"])),
     ]
     return Table(
-        f"The exact law of the link on bus {bus}",
-        ["", "value"],
+        say("table_exact", bus=bus),
+        ["", say("table_value")],
         [(label, [Cell(text)]) for label, text in rows],
     )
 
@@ -196,21 +167,17 @@ def refresh_gaps(source: Source, bus: str) -> Table:
         for key in ("total", "longest"):
             known = pair in old and old[pair][key] is not None
             cells.append(found(source.summary, *path, key, decimals=3) if known else Cell(NONE))
-    note = (
-        "Choose the preset of a heartbeat from the longest, not from the link scan time: "
-        "retries do not cover it."
-    )
-    head = ["from → to", "median", "p99", "longest", "still open at the end"]
+    head = [say("table_from_to"), *(TIMES[key] for key in ("p50", "p99", "max")), say("table_open")]
     if old:
-        head += ["worked on data from before one of the two was away, in all", "at the longest"]
-    return Table(f"Refresh gaps on bus {bus} (ms)", head, rows, note)
+        head += [say("table_stale"), say("table_stale_longest")]
+    return Table(say("table_refresh", bus=bus), head, rows, say("table_refresh_note"))
 
 
 def settings(source: Source, bus: str) -> Table:
     """The special registers with which each station was set."""
     plc_names = source.record.links[bus].plc_names
     rows = []
-    for name, what in MEANINGS.items():
+    for name in REGISTERS:
         cells = []
         for plc in plc_names:
             registers = source.registers(plc)
@@ -218,12 +185,13 @@ def settings(source: Source, bus: str) -> Table:
             cells.append(
                 Cell(str(registers[name]), pointer("plcs", plc, "registers", name)) if here else Cell(NONE)
             )
-        rows.append((f"{name}: {what}", cells))
+        meaning = say(f"setting_{name}")
+        rows.append((say("table_register_is", register=name, meaning=meaning), cells))
     return Table(
-        f"Settings of the stations on bus {bus}",
-        ["register", *plc_names],
+        say("table_settings", bus=bus),
+        [say("table_register"), *plc_names],
         rows,
-        "A slave needs only its number and its port; it learns the rest from the master.",
+        say("table_settings_note"),
     )
 
 
@@ -240,10 +208,12 @@ def plcs(source: Source) -> Table:
                 Cell(NONE) if value is None else Cell(str(value), path, own)
             )  # a code is no quantity
         rows.append((name, cells))
-    shown = {"D8201": " (link scan now)", "D8202": " (longest)", "D8063": ""}
-    names = [own_names(source.summary, source.summary["plcs"], each) + what for each, what in shown.items()]
-    head = ["PLC", "scan mean (ms)", "scan max (ms)", *names]
-    return Table("The PLCs", head, rows)
+    now, longest, code = (
+        own_names(source.summary, source.summary["plcs"], each) for each in ("D8201", "D8202", "D8063")
+    )
+    times = say("table_scan_now", names=now), say("table_scan_longest", names=longest)
+    head = ["PLC", say("table_scan_mean"), say("table_scan_max"), *times, code]
+    return Table(say("table_plcs"), head, rows)
 
 
 def histogram_data(histogram: Histogram, of: str, quantity: Quantity) -> Table:
@@ -252,8 +222,10 @@ def histogram_data(histogram: Histogram, of: str, quantity: Quantity) -> Table:
     rows = []
     for bar, count in sorted(histogram.bars(width).items()):
         low, high = (milliseconds((edge * width - 0.5) * BIN_TICKS) for edge in (bar, bar + 1))
-        rows.append((f"{low:.3f} to {high:.3f}", [Cell(f"{count:,}")]))
-    return Table(f"Histogram of {of}, counted", [f"{quantity.time} (ms)", quantity.counted], rows)
+        span = say("table_range", least=f"{low:.3f}", most=f"{high:.3f}")
+        rows.append((span, [Cell(f"{count:,}")]))
+    time = say("table_time_ms", time=quantity.time)
+    return Table(say("table_histogram", of=of), [time, quantity.counted], rows)
 
 
 def scene_data(scene: Scene) -> Table:
@@ -269,9 +241,9 @@ def scene_data(scene: Scene) -> Table:
         )
         for start, end, lane, text in sorted(shapes)
     ]
-    note = f"The first {_MOST_EVENTS} of {len(rows):,}." if len(rows) > _MOST_EVENTS else ""
-    head = ["from (ms)", "for (ms)", "lane", "what"]
-    return Table(f"What happened on bus {scene.bus}", head, rows[:_MOST_EVENTS], note)
+    note = say("table_first", shown=_MOST_EVENTS, number=len(rows)) if len(rows) > _MOST_EVENTS else ""
+    head = [say(f"table_{name}") for name in ("begin", "for", "lane", "what")]
+    return Table(say("table_happened", bus=scene.bus), head, rows[:_MOST_EVENTS], note)
 
 
 def turnarounds_of(attempts: Iterable[AttemptRecord]) -> dict[str, dict[int, Histogram]]:
@@ -290,19 +262,17 @@ def stations(source: Source, bus: str) -> Table:
     failed: Mapping[str, Mapping[str, int]] = link["failed_attempts"]
     codes = sorted({code for by_code in failed.values() for code in by_code})
     head = [
-        "station",
-        *(f"failed {code}" for code in codes),
-        "station errors (link scans)",
-        "onsets",
-        "in error (s)",
+        say("table_station"),
+        *(say("table_failed", code=code) for code in codes),
+        *(say(f"table_{name}") for name in ("errors_scans", "onsets", "in_error")),
     ]
     if turnarounds:
-        head[1:1] = ["replies", "turnaround median (ms)", "p99 (ms)", "max (ms)"]
-    head += ["errors counted", "last code", "flag now"]
+        head[1:1] = [say(f"table_{name}") for name in ("replies", "turnaround", "p99_ms", "max_ms")]
+    head += [say(f"table_{name}") for name in ("errors_counted", "last_code", "flag")]
     lost = lost_by_station(link)
     if lost:
         there = [own_names(source.summary, lost, name) for name in ("D8203", "D8211", "M8183")]
-        head += ["lost the master (s)", *(f"{name} there" for name in there)]
+        head += [say("table_lost_s"), *(say("table_there", name=name) for name in there)]
     rows = []
     for key in link["station_errors"]:
         station = int(key)
@@ -314,10 +284,12 @@ def stations(source: Source, bus: str) -> Table:
             name = names.get(station, "")
             cells += [Cell(number(lost.get(name, 0.0), 3)), *_registers(source, name, 0)]
         rows.append((label, cells))
-    note = "; ".join(f"{code}: {meaning(code)}" for code in codes)
-    if not turnarounds:
-        note += f"{'. ' if note else ''}Replies and turnarounds need a trace (bussim run … --trace)"
-    return Table(f"The slaves on bus {bus}, as the master saw them", head, rows, f"{note}." if note else "")
+    texts = [say("run_code", code=code, meaning=meaning_of(code)) for code in codes]
+    if turnarounds:
+        note = say("table_codes", codes=texts) if texts else ""
+    else:
+        note = say("table_codes_need_trace", codes=texts) if texts else say("table_need_trace")
+    return Table(say("table_slaves", bus=bus), head, rows, note)
 
 
 def _turnarounds(turnarounds: Histogram) -> list[Cell]:
@@ -349,7 +321,7 @@ def _registers(source: Source, master: str, station: int) -> Iterator[Cell]:
         if value is None:
             yield Cell(NONE, title=own)
         else:
-            text = format(value, form) if form else "ON" if value else "off"
+            text = format(value, form) if form else "ON" if value else say("table_off")
             yield Cell(text, pointer("plcs", master, "registers", name), own)
 
 

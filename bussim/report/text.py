@@ -8,6 +8,7 @@ from typing import Any
 
 from bussim.report.runs import ExactDistribution
 from bussim.wording import in_ms
+from bussim.words.language import say
 
 
 def expected(link: Mapping[str, Any], distribution: ExactDistribution | None) -> list[str]:
@@ -16,28 +17,21 @@ def expected(link: Mapping[str, Any], distribution: ExactDistribution | None) ->
         return []
     figures = distribution.figures
     if not distribution.valid:
-        reasons = "; ".join(figures["reasons"])
-        return [f"How long a link scan can take at worst is not known, since no exact law holds: {reasons}."]
+        return [say("expect_no_law", reasons=figures["reasons"])]
     worst = in_ms(figures["worst_case_ms"], most=True)
-    bound = f"no link scan can take longer than {worst}, even if every attempt fails"
     longest = link["scan_time_ms"]["max"]
     if distribution.notes or longest > figures["worst_case_ms"]:
-        longest = in_ms(longest, most=True)
-        said = [f"In undisturbed parts of the run {bound}; the longest of the whole run took {longest}."]
+        said = [say("expect_bound_parts", worst=worst, longest=in_ms(longest, most=True))]
     else:
-        said = [f"With these settings {bound}."]
+        said = [say("expect_bound", worst=worst)]
     if distribution.said:
-        said.append(f"Expect {distribution.said}.")
+        said.append(say("expect_errors", said=distribution.said))
     said += _dead(figures)
     silence = figures["ride_through_ms"]["silence"]
     if silence is not None:
-        said.append(
-            f"An interruption of the line of up to {math.floor(silence):,} ms raises no station error; a "
-            "station's supply or STOP is not covered, since without its parameters it is in error at once."
-        )
+        said.append(say("expect_ride", silence=math.floor(silence)))
     if distribution.notes:
-        notes = "; ".join(distribution.notes)
-        said.append(f"What is said beyond this run holds for its undisturbed parts: {notes}.")
+        said.append(say("expect_parts", notes=distribution.notes))
     return said
 
 
@@ -45,16 +39,12 @@ def _dead(figures: Mapping[str, Any]) -> list[str]:
     said = []
     if figures["one_dead_ms"] is not None:
         extra = figures["one_dead_ms"] - figures["mean_ms"]
-        more = f", {in_ms(extra)} more than the mean" if extra > 0 else ""
-        one = "one more station" if figures["stations_dead"] else "one station"
-        said.append(
-            f"While {one} is dead, every link scan takes about {in_ms(figures['one_dead_ms'])}{more}."
-        )
+        key = "expect_dead_more" if figures["stations_dead"] else "expect_dead"
+        dead = in_ms(figures["one_dead_ms"])
+        said.append(say(f"{key}_longer", dead=dead, more=in_ms(extra)) if extra > 0 else say(key, dead=dead))
     noticed = figures["detect_ms"]
     if noticed["mean"] is not None:
-        said.append(
-            f"A station that dies is in error after {in_ms(noticed['mean'])} on average, "
-            f"{in_ms(noticed['max'], most=True)} at the latest while no other reply is lost, else "
-            f"{in_ms(noticed['bound'], most=True)}."
-        )
+        times = {"longest": noticed["max"], "bound": noticed["bound"]}
+        latest = {name: in_ms(time, most=True) for name, time in times.items()}
+        said.append(say("expect_noticed", mean=in_ms(noticed["mean"]), **latest))
     return said

@@ -25,15 +25,13 @@ from bussim.trace.records import (
     TransactionRecord,
 )
 from bussim.units import TICKS_PER_MS, format_ms, milliseconds
-from bussim.wording import counted
+from bussim.words.language import say
 
 #: The margin on each side of a link scan is so small a part of it.
 _MARGIN = 20
 #: Of a bus that is no link at least so much is shown (ticks): 200 ms.
 _LEAST = 200 * TICKS_PER_MS
 _KINDS = (FrameRecord, AttemptRecord, TransactionRecord, ScanRecord, records.NoteRecord, records.EndsRecord)
-#: How the text of a part ends that is an ordinary exchange.
-REPLY = "reply"
 #: M8183 + k is the error flag of station k (PW10 board manual, section 7.5).
 _FLAG = 8183
 
@@ -70,9 +68,9 @@ class TraceWindow:
     def station(self, number: int | None) -> str:
         """``station 1 (press2)``."""
         if number is None:
-            return "no station"
+            return say("scene_no_station")
         name = self.stations.get(number)
-        return f"station {number} ({name})" if name else f"station {number}"
+        return say("station", number=number, plc=name) if name else say("station_number", number=number)
 
 
 def worst_window(trace: Trace, run: RunRecord, bus: str) -> tuple[int, int] | None:
@@ -163,16 +161,12 @@ class Part:
     what: str
     attempt: int = 0
     lost: bool = False
+    ordinary: bool = False
 
     @property
     def ticks(self) -> int:
         """How long it took."""
         return self.end - self.start
-
-    @property
-    def ordinary(self) -> bool:
-        """Whether it is an ordinary exchange."""
-        return self.what.endswith(REPLY)
 
 
 def parts_of_scan(window: TraceWindow, scan: ScanRecord) -> list[Part]:
@@ -186,19 +180,20 @@ def parts_of_scan(window: TraceWindow, scan: ScanRecord) -> list[Part]:
     at = scan.start
     opening = next((f for f in window.frames if f.start == scan.start and f.kind == "data"), None)
     if opening is not None and opening.end <= end:
-        parts.append(Part(at, opening.end, f"data frame of {opening.sender}"))
+        parts.append(Part(at, opening.end, say("part_data", sender=opening.sender)))
         at = opening.end
     inside = (a for a in window.attempts if scan.start <= a.start and a.end <= end)
     for attempt in sorted(inside, key=lambda record: record.start):
-        what = _outcome(window, attempt)
-        parts.append(Part(at, attempt.end, what, attempt.number, lost=attempt.code != 0))
+        what, ordinary = _outcome(window, attempt)
+        lost = attempt.code != 0
+        parts.append(Part(at, attempt.end, what, attempt.number, lost=lost, ordinary=ordinary))
         at = attempt.end
     frame = next((f for f in window.frames if f.kind == "parameters" and at <= f.start < end), None)
     if frame is not None:
-        parts.append(Part(at, frame.start, "overhead of the scan"))
-        parts.append(Part(frame.start, end, "parameter frame", lost=True))
+        parts.append(Part(at, frame.start, say("part_overhead")))
+        parts.append(Part(frame.start, end, say("part_parameters"), lost=True))
     elif at < end:
-        parts.append(Part(at, end, "overhead of the scan"))
+        parts.append(Part(at, end, say("part_overhead")))
     return parts
 
 
@@ -206,14 +201,16 @@ def parts_of_scan(window: TraceWindow, scan: ScanRecord) -> list[Part]:
 _LATE = 4
 
 
-def _outcome(window: TraceWindow, attempt: AttemptRecord) -> str:
-    where = f"at {window.station(attempt.station)}: "
+def _outcome(window: TraceWindow, attempt: AttemptRecord) -> tuple[str, bool]:
+    """What became of an attempt, and whether it was an ordinary exchange."""
+    station = window.station(attempt.station)
     if attempt.code:
-        return f"{where}{attempt.outcome}, code {attempt.code:02X}"
+        code = f"{attempt.code:02X}"
+        return say("part_code", station=station, outcome=attempt.outcome, code=code), False
     shortest = min((a.turnaround for a in window.attempts if a.turnaround is not None), default=0)
     if attempt.turnaround is not None and attempt.turnaround > _LATE * shortest:
-        return f"{where}reply {format_ms(attempt.turnaround)} after the poll"
-    return f"{where}{REPLY}"
+        return say("part_late", station=station, time=format_ms(attempt.turnaround)), False
+    return say("part_reply", station=station), True
 
 
 def in_words(parts: Sequence[Part]) -> str:
@@ -229,19 +226,21 @@ def in_words(parts: Sequence[Part]) -> str:
         first = group[0]
         if first.lost:
             lost += float(total)
-            kinds["failed attempts" if first.attempt else "the parameter frame"] = None
+            kinds["part_failed" if first.attempt else "part_parameter_frame"] = None
         if len(group) == 1:
-            words.append(f"{total} ms ({_named(first)})")
+            words.append(say("part_one", total=total, what=_named(first)))
         elif first.lost:
-            attempts = f"attempts {first.attempt} to {group[-1].attempt}"
-            words.append(f"{total} ms ({attempts} {first.what}, {ms(first.ticks)} each)")
+            numbers = {"first": first.attempt, "last": group[-1].attempt}
+            values = {"total": total, "what": first.what, "each": ms(first.ticks)}
+            words.append(say("part_attempts", **numbers, **values))
         else:
             ordinary = sum(part.ordinary for part in group)
             names = [_named(part) for part in group if not part.ordinary]
-            names += [f"{counted(ordinary, 'poll')} with a reply"] if ordinary else []
-            words.append(f"{total} ms ({', '.join(names)})")
-    text = f"{sum(spans):.3f} ms: {' + '.join(words)}"
-    return f"{text}; {lost:.3f} ms of it went to {' and '.join(kinds)}" if lost else text
+            names += [say("part_polls", number=ordinary)] if ordinary else []
+            words.append(say("part_several", total=total, names=names))
+    if not lost:
+        return say("part_sum", sum=sum(spans), parts=words)
+    return say("part_sum_lost", sum=sum(spans), parts=words, lost=lost, kinds=[say(key) for key in kinds])
 
 
 def _likeness(part: Part) -> tuple[str, str] | None:
@@ -250,7 +249,7 @@ def _likeness(part: Part) -> tuple[str, str] | None:
 
 
 def _named(part: Part) -> str:
-    return f"attempt {part.attempt} {part.what}" if part.attempt else part.what
+    return say("part_attempt", number=part.attempt, what=part.what) if part.attempt else part.what
 
 
 def ms(ticks: float) -> str:

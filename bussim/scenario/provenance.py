@@ -10,10 +10,8 @@ from collections.abc import Iterable, Mapping
 
 from bussim.plc.link_registers import D_STATION
 from bussim.scenario.model import Plc, Scenario
-from bussim.words.language import say
+from bussim.words.origins import CLASSES, rank
 
-#: The classes, the weakest last. Where something was measured, its recording follows: "measured in line.sr".
-CLASSES = "published", "measured", "derived", "entered", "assumed"
 PUBLISHED, MEASURED, DERIVED, ENTERED, ASSUMED = CLASSES
 
 NOISE, LEVEL, GOALS = "noise", "the level of noise bad", "goals"
@@ -21,22 +19,6 @@ _FRAMES, _TIMES, _JITTER = "frame lengths", "gaps and turnarounds", "jitter of t
 _ATTEMPTS, _ABSENT, _REPLY = "attempts of D8179", "absent_station", "when a slave replies"
 _SCANS, _SLAVES, _BYTES = "PLC scan times", "how slaves watch the master", "frame bytes"
 _SETTINGS = "line format and settings"
-#: The keys of the words for what figures are made of.
-_INPUTS = {
-    _SETTINGS: "input_settings",
-    _FRAMES: "input_frames",
-    _TIMES: "input_times",
-    NOISE: "input_noise",
-    _SCANS: "input_scans",
-    _JITTER: "input_jitter",
-    _ATTEMPTS: "input_attempts",
-    _ABSENT: "input_absent",
-    _REPLY: "input_reply",
-    _SLAVES: "input_slaves",
-    _BYTES: "input_bytes",
-    LEVEL: "input_level",
-    GOALS: "input_goals",
-}
 _CLEAN, _ERRORS = (_FRAMES, _TIMES), (NOISE, _ATTEMPTS, _ABSENT)
 #: What the figures of a link are made of in the first place, by their keys in the JSON forms.
 _MADE_OF: dict[tuple[str, ...], str] = {
@@ -55,10 +37,6 @@ _MADE_OF: dict[tuple[str, ...], str] = {
 FIGURES = {figure: inputs for inputs, figures in _MADE_OF.items() for figure in figures.split()}
 
 
-def _rank(origin: str) -> int:
-    return CLASSES.index(origin.split()[0])
-
-
 def _of(plcs: Iterable[Plc], *fields: str, built_in: str = ASSUMED) -> list[str]:
     """Where fields of profiles come from."""
     return [plc.origins.get(name, built_in) for plc in plcs for name in fields]
@@ -67,7 +45,7 @@ def _of(plcs: Iterable[Plc], *fields: str, built_in: str = ASSUMED) -> list[str]
 def _weakest(origins: Iterable[str]) -> str:
     """The weakest class of several origins, and all recordings among them."""
     found = dict.fromkeys(origins) or {ASSUMED: None}
-    weakest = max(found, key=_rank)
+    weakest = max(found, key=rank)
     start = f"{MEASURED} in "
     files = ", ".join(origin.removeprefix(start) for origin in found if origin.startswith(start))
     if weakest.startswith(start):
@@ -100,33 +78,8 @@ def link_inputs(scenario: Scenario, bus: str) -> dict[str, str]:
 def classes(inputs: Mapping[str, str], keys: Iterable[str]) -> dict[str, dict[str, str]]:
     """The inputs, and the class of each key that is a figure: the weakest of what it is made of."""
     figures = {
-        key: CLASSES[max(_rank(inputs.get(name, ASSUMED)) for name in FIGURES[key])]
+        key: CLASSES[max(rank(inputs.get(name, ASSUMED)) for name in FIGURES[key])]
         for key in keys
         if key in FIGURES
     }
     return {"inputs": dict(inputs), "figures": figures}
-
-
-def in_words(found: Mapping[str, Mapping[str, str]]) -> list[str]:
-    """The inputs by where they come from, the strongest first, and then the figures by their classes."""
-    inputs, figures = found["inputs"], found["figures"]
-    lines = []
-    for origin in sorted(set(inputs.values()), key=_rank):
-        names = [say(_INPUTS[name]) for name, at in inputs.items() if at == origin]
-        lines.append(say("from_inputs", origin=_origin(origin), names=names))
-    *strong, weakest = sorted(set(figures.values()), key=_rank)
-    parts = []
-    for origin in strong:
-        names = [say(f"figure_{key.removesuffix('_ms')}") for key, at in figures.items() if at == origin]
-        parts.append(say("from_figures", origin=_origin(origin), names=names))
-    parts.append(say("from_others" if strong else "from_all", origin=_origin(weakest)))
-    return [*lines, say("from_weakest", parts=parts)]
-
-
-def _origin(origin: str) -> str:
-    """A class in words, with the recordings."""
-    weakest, _, part = origin.partition(f" (in part {MEASURED} in ")
-    if part:
-        return say("from_in_part", origin=_origin(weakest), files=part.removesuffix(")"))
-    name, _, recordings = origin.partition(" in ")
-    return say("from_measured_in", files=recordings) if recordings else say(f"from_{name}")

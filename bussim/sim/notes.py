@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bussim.trace.records import NoteRecord, Sink
+from bussim.words.language import say
 
 
 class Notes:
@@ -24,5 +25,5 @@ class Notes:
 
     def undetected(self, tick: int, receiver: str, sender: str, what: str) -> None:
         """A receiver accepted a frame that no station sent."""
-        text = f"took a damaged frame of {sender} for a valid {what} frame"
+        text = say("note_undetected", sender=sender, kind=what)
         self.note(tick, "undetected", receiver, text, sender=sender)

@@ -15,8 +15,8 @@ _SCRIPTS = ("vendor/uPlot.iife.min.js", "assets/charts.js", "assets/page.js", "a
 
 
 def words(lang: str) -> dict[str, str]:
-    """What the page says in one language, by key; what it shares with the sizing page is said there."""
-    return page_words("sizing", lang) | page_words("ui", lang)
+    """What the page says in one language, by key, with what the report and the sizing page say, too."""
+    return page_words("report", lang) | page_words("sizing", lang) | page_words("ui", lang)
 
 
 @cache

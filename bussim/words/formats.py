@@ -2,11 +2,12 @@
 
 Beside the formats of Python a text of the tables knows ``n`` (a whole number with its thousands apart),
 ``counted frame`` (a number with its noun), ``ms`` and ``most_ms`` (milliseconds, see
-:func:`bussim.wording.in_ms`), ``list`` (names, "and" before the last), ``listed``, ``joined`` and ``plus``
-(texts between commas, semicolons or +), ``station`` (a station by number and name), ``counts`` (words with
-how often), ``codes`` and ``exceptions`` (counts by code, with what each means), ``meanings`` (what codes
-mean), ``cause`` and ``brief`` (why a link scan was long), ``reason`` and ``reasons`` (why frames were
-refused, and how often), ``when`` (how often, for how long, and when longest), ``times`` (of responses, or
+:func:`bussim.wording.in_ms`), ``list`` (names, "and" before the last), ``listed``, ``joined``, ``spaced``
+and ``plus`` (texts between commas, semicolons, blanks or +), ``station`` (a station by number and name),
+``counts`` (words with how often), ``codes`` and ``exceptions`` (counts by code, with what each means),
+``meanings`` (what codes mean), ``cause`` and ``brief`` (why a link scan was long), ``reason`` and ``reasons``
+(why frames were refused or attempts failed, and how often), ``frame`` and ``message`` (a kind of frame, what
+became of messages), ``when`` (how often, for how long, and when longest), ``times`` (of responses, or
 nothing), ``part`` (the text of another key), ``devices`` (special devices of the link by name) and
 ``serial`` (a code of D8063).
 """
@@ -15,17 +16,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from functools import cache
 from string import Formatter
 from typing import Any
 
 from bussim.wording import counted, in_ms
-from bussim.words.tables import LANGUAGES, Said, entries
+from bussim.words.tables import LANGUAGES, Said, entries, keys_of
 
 #: Error codes are in D8211 to D8218, of an FX1S in D211 to D218; counts lie below.
 _FIRST_CODE = 11
 #: What stands between texts.
-_BETWEEN = {"listed": "comma", "joined": "semicolon"}
+_BETWEEN = {"listed": "comma", "joined": "semicolon", "spaced": "space"}
 #: The 7 of 7xyy, PW10's codes in D8063 (its board manual, section 8).
 _PW10 = 7
 _STATION = re.compile(r"station (\d+)(?: \((.*)\))?", re.DOTALL)
@@ -77,12 +77,6 @@ def _reason(reason: str, lang: str) -> str:
     return render("long_parameters", lang=lang) if reason == "parameter frame" else reason
 
 
-@cache
-def _reasons() -> Mapping[str, str]:
-    """The key of each reason by its English text."""
-    return {texts[0]: key for key, texts in entries().items() if key.startswith(("reason_", "port_error_"))}
-
-
 class TextFormatter(Formatter):
     """Writes the values of a text in a language."""
 
@@ -101,7 +95,7 @@ class TextFormatter(Formatter):
             case "list":
                 *others, last = map(self._shown, value)
                 return self._part("and").join([self._part("comma").join(others), last] if others else [last])
-            case "listed" | "joined" | "plus":
+            case "listed" | "joined" | "spaced" | "plus":
                 between = " + " if format_spec == "plus" else self._part(_BETWEEN[format_spec])
                 return between.join(map(self._shown, value)) if not isinstance(value, str) else value
             case "station":
@@ -143,6 +137,9 @@ class TextFormatter(Formatter):
                 return str(value) if self._lang == "en" else cause_in_words(value, self._lang)
             case "reason":
                 return self._reason(value)
+            case "frame" | "message":
+                key = f"{'kind' if format_spec == 'frame' else 'message_word'}_{value}"
+                return self._part(key) if key in entries() else str(value)
             case "reasons":
                 return self._listed(f"{self._reason(what)} {number:,}×" for what, number in value.items())
             case _ if format_spec.startswith("counted "):
@@ -173,7 +170,8 @@ class TextFormatter(Formatter):
 
     def _reason(self, text: str) -> str:
         """Why a frame was refused, which a summary has in English."""
-        key = _reasons().get(text)
+        tables = map(keys_of, ("reason_", "port_error_", "outcome_"))
+        key = next((keys[text] for keys in tables if text in keys), None)
         return text if key is None or self._lang == "en" else self._part(key)
 
     def _device(self, name: str, number: int) -> str:

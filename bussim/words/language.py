@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any, overload
 
+from bussim.errors import UsageError
 from bussim.words.formats import render
 from bussim.words.tables import LANGUAGES, Said
 
@@ -47,9 +48,9 @@ def shown(text: Any) -> Any:
 
 @contextmanager
 def use_language(lang: str) -> Iterator[None]:
-    """Use a language of :data:`LANGUAGES` meanwhile; ValueError for another one."""
+    """Use a language of :data:`~bussim.words.tables.LANGUAGES` meanwhile; UsageError for another one."""
     if lang not in LANGUAGES:
-        raise ValueError(f"language is {lang!r}, allowed are {' and '.join(LANGUAGES)}")
+        raise UsageError(f"the language is {lang!r}, allowed are {' and '.join(LANGUAGES)}")
     token = _language.set(lang)
     try:
         yield

@@ -12,7 +12,7 @@ from typing import Any
 #: The languages, in the order of the tables' columns: English and Chinese (zh-Hans).
 LANGUAGES = ("en", "zh")
 #: The tables, and those of pages, whose keys begin with the table's name: their scripts have them without it.
-TABLES, PAGES = ("verdict", "solver", "run", "pictures"), ("sizing", "report", "ui")
+TABLES, PAGES = ("verdict", "solver", "run", "pictures", "report_parts"), ("sizing", "report", "ui")
 #: A text of fewer letters than this besides its values, or of one word, may be that of something else.
 _LEAST_LETTERS = 8
 
@@ -52,6 +52,12 @@ def entries() -> Mapping[str, list[str]]:
 
 
 @cache
+def keys_of(start: str) -> Mapping[str, str]:
+    """The keys that begin so, by their English texts."""
+    return {texts[0]: key for key, texts in entries().items() if key.startswith(start)}
+
+
+@cache
 def page_words(page: str, lang: str) -> dict[str, str]:
     """The texts of a page's table in one language, by its script's keys; ``{names}`` are filled in."""
     column, start = LANGUAGES.index(lang), f"{page}."
@@ -60,14 +66,15 @@ def page_words(page: str, lang: str) -> dict[str, str]:
     }
 
 
-def recognised(text: str) -> str:
+def recognised(text: str, start: str = "") -> str:
     """A text that a file kept in English, with its key and values as far as the tables have them.
 
-    The values are texts then. What is in no table stays as it is.
+    With ``start`` it is known to be one of those whose keys begin so; else a text that has hardly a word of
+    its own is not taken for one of them. The values are texts then. What is in no table stays as it is.
     """
     if isinstance(text, Said):
         return text
-    for key, names, pattern in _patterns():
+    for key, names, pattern in _patterns(start):
         if match := pattern.fullmatch(text):
             values = zip(names, match.groups(), strict=True)
             return Said(text, key, {name: recognised(value) for name, value in values})
@@ -75,15 +82,16 @@ def recognised(text: str) -> str:
 
 
 @cache
-def _patterns() -> list[tuple[str, list[str], re.Pattern[str]]]:
+def _patterns(start: str) -> list[tuple[str, list[str], re.Pattern[str]]]:
     """What each English text looks like, those with the most letters of their own first."""
     found = []
     for key, (english, *_) in entries().items():
         parts = [(literal, name) for literal, name, _, _ in Formatter().parse(english)]
         letters = "".join(literal for literal, _ in parts).strip()
-        own = sum(map(str.isalpha, letters)) if " " in letters else 0
+        own = sum(map(str.isalpha, letters))
+        told = key.startswith(start) if start else own >= _LEAST_LETTERS and " " in letters
         names = [name for _, name in parts if name]
-        if own >= _LEAST_LETTERS and len(set(names)) == len(names):
+        if told and len(set(names)) == len(names):
             pattern = "".join(re.escape(literal) + ("(.+?)" if name else "") for literal, name in parts)
             found.append((own, key, names, re.compile(pattern, re.DOTALL)))
     found.sort(key=lambda each: -each[0])

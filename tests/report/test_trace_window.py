@@ -77,10 +77,10 @@ def test_attempts_that_failed_alike_are_named_once(tmp_path) -> None:  # type: i
 def test_parts_that_differ_are_distinguished() -> None:
     parts = [
         Part(0, 72_000, "data frame of a"),
-        Part(72_000, 144_000, "at station 1: reply", 1),
+        Part(72_000, 144_000, "at station 1: reply", 1, ordinary=True),
         Part(144_000, 216_000, "at station 2: damaged, code 04", 1, lost=True),
         Part(216_000, 360_000, "at station 2: damaged, code 04", 2, lost=True),
-        Part(360_000, 432_000, "at station 2: reply", 3),
+        Part(360_000, 432_000, "at station 2: reply", 3, ordinary=True),
         Part(432_000, 504_000, "overhead of the scan"),
     ]
     assert in_words(parts) == (

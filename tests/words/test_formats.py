@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bussim.engines.modbus.codes import MEANINGS, PortError
+from bussim.errors import UsageError
 from bussim.results.verdict.catalogue import is_fault
 from bussim.results.verdict.link import _times
 from bussim.wording import in_ms
@@ -61,6 +62,11 @@ _VALUES: Mapping[str, Any] = {
     "meanings": "01, 04",
     "brief": "station 1 (a): 1 attempt, 01; station 2 replied 20 ms after its poll",
     "reason": "frame length",
+    "frame": "data",
+    "message": "whole",
+    ".6f": 1.0,
+    ".1f": 1.0,
+    ",.3f": 1.0,
     "reasons": {"frame length": 2},
     "cause": "station 1 (a): 6 attempts, all 01; parameter frame",
     "part": "in_stop",
@@ -76,6 +82,7 @@ _VALUES: Mapping[str, Any] = {
     ".1e": 1e-6,
     "02": 3,
     "plus": ["a_b", "c"],
+    "spaced": ["a_b", "c"],
     ".2f": 1.0,
     ".3f": 1.0,
 }
@@ -146,7 +153,7 @@ def test_the_language_is_that_of_the_system(
 
 
 def test_another_language_is_refused() -> None:
-    with pytest.raises(ValueError, match="language is 'de', allowed are en and zh"), use_language("de"):
+    with pytest.raises(UsageError, match="language is 'de', allowed are en and zh"), use_language("de"):
         pass
 
 

@@ -9,13 +9,19 @@ from functools import cache
 from pathlib import Path
 
 import bussim
-from bussim.words.tables import PAGES, entries
+from bussim.report.settings import SETTINGS
+from bussim.results.plots.style import FRAMES
+from bussim.scenario.provenance import FIGURES, link_inputs
+from bussim.words.tables import PAGES, entries, keys_of
 
 _ROOT = Path(bussim.__file__).parent
 #: Functions whose first argument is a key.
 _SAYING = {"say", "said_text", "render"}
-#: Keys that a code completes, and reasons that a summary has in English.
-_BY_CODE = ("code_", "exception_", "port_error_", "reason_")
+#: Keys that a code or a name completes, and texts that a summary or a trace has in English.
+_BY_CODE = (
+    *("code_", "exception_", "port_error_", "reason_", "outcome_"),
+    *("note_state_", "input_", "kind_", "message_word_"),
+)
 
 
 @cache
@@ -39,6 +45,14 @@ def _said() -> Iterator[str]:
 
 def test_each_key_that_is_said_is_there() -> None:
     assert {*_said()} <= entries().keys()
+
+
+def test_each_name_that_completes_a_key_has_one() -> None:
+    scenario = bussim.load("press_line")
+    assert link_inputs(scenario, "link").keys() <= keys_of("input_").keys()
+    assert {f"figure_{key.removesuffix('_ms')}" for key in FIGURES} <= entries().keys()
+    assert {f"kind_{kind}" for kind in FRAMES} <= entries().keys()
+    assert {f"setting_{register}" for register in SETTINGS} <= entries().keys()
 
 
 def test_each_key_is_used() -> None:

@@ -16,9 +16,9 @@ from bussim.exact.sizing.noise_levels import LEVELS, NoiseLevels
 from bussim.exact.sizing.size import Sizing
 from bussim.exact.sizing.unmet_goals import no_help
 from bussim.exact.text import a_year, ms, ms_at_least, ms_at_most
-from bussim.scenario.provenance import in_words
 from bussim.units import TICKS_PER_MS
 from bussim.words.language import say
+from bussim.words.origins import in_words
 
 #: What only an answer to a goal has.
 _FIGURES = {"onsets": "show_onsets", "scan": "show_scan_over", "heartbeat": "show_heartbeat"}

@@ -15,8 +15,9 @@ from bussim.exact.sizing.grid import evaluate
 from bussim.exact.sizing.noise_levels import BAD, LEVELS, TYPICAL, scaled_noise, with_level
 from bussim.exact.text import a_year, ms_at_least, ms_at_most
 from bussim.plc.profiles import AbsentStation, Attempts, attempts_per_poll
-from bussim.scenario.provenance import classes, in_words
+from bussim.scenario.provenance import classes
 from bussim.words.language import say
+from bussim.words.origins import in_words
 
 #: So many assumptions are named.
 _MOST = 3

@@ -15,6 +15,10 @@ const charts = (() => {
     if (text) made.textContent = text;
     return made;
   };
+  // What charts say, in the page's language, which may change.
+  const speech = { lang: payload.lang };
+  const said = (key, values = {}) =>
+    payload.words[speech.lang][key].replace(/\{(\w+)\}/g, (whole, name) => values[name] ?? whole);
   const digits = (value, most = 3) => value.toLocaleString("en", { maximumFractionDigits: most });
 
   // Colours of the palette that vanish on a dark page.
@@ -79,11 +83,11 @@ const charts = (() => {
       this.plot = figure.querySelector(".plot");
       this.tools = figure.querySelector(".tools");
       if (this.tools) {
-        this.button("Zoom in", () => this.zoom(0.5));
-        this.button("Zoom out", () => this.zoom(2));
-        this.button("←", () => this.move(-0.4), "Move left");
-        this.button("→", () => this.move(0.4), "Move right");
-        this.button("Show all", () => this.all());
+        this.button(said("chart_zoom_in"), () => this.zoom(0.5));
+        this.button(said("chart_zoom_out"), () => this.zoom(2));
+        this.button("←", () => this.move(-0.4), said("chart_left"));
+        this.button("→", () => this.move(0.4), said("chart_right"));
+        this.button(said("chart_all"), () => this.all());
       }
       this.setUp();
       this.draw();
@@ -92,7 +96,7 @@ const charts = (() => {
     all() { this.range(...this.whole); }
     button(text, act, label = "") {
       const button = node("button", { type: "button" }, text);
-      button.setAttribute("aria-label", `${label || text}: ${this.data.title}`);
+      button.setAttribute("aria-label", said("chart_of", { label: label || text, title: this.data.title }));
       button.addEventListener("click", act);
       this.tools.append(button);
       return button;
@@ -200,5 +204,5 @@ const charts = (() => {
     document.documentElement.dataset.ready = "true";
   };
 
-  return { payload, css, isDark, node, digits, shown, grey, axis, padded, plain, decades, powers, uprights, boundsNear, Chart, again, isPrinting, start };
+  return { payload, speech, said, css, isDark, node, digits, shown, grey, axis, padded, plain, decades, powers, uprights, boundsNear, Chart, again, isPrinting, start };
 })();

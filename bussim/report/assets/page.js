@@ -1,6 +1,6 @@
 "use strict";
 (() => {
-  const { payload, css, isDark, digits, shown, grey, axis, padded, plain, decades, powers, uprights, boundsNear, Chart, start } = charts;
+  const { payload, said, css, isDark, digits, shown, grey, axis, padded, plain, decades, powers, uprights, boundsNear, Chart, start } = charts;
 
   // ---- histograms, aggregated anew for what is visible ----
   const MOST_BARS = 150;
@@ -35,7 +35,7 @@
         : padded((Math.min(...places) - 0.5) * unit, (Math.max(...places) + 0.5) * unit);
       this.view = shown ? this.whole : this.data.usual;
       this.log = !this.view && this.whole[1] - this.whole[0] > 5;
-      this.logarithmic = this.toggle("Logarithmic", this.log, (on) => { this.log = on; this.draw(); });
+      this.logarithmic = this.toggle(said("chart_log"), this.log, (on) => { this.log = on; this.draw(); });
     }
     all() { // a few far ones are seen on a logarithmic axis only
       if (this.data.usual && !this.log) this.logarithmic.click();
@@ -50,7 +50,7 @@
       };
       return before(to) - before(from);
     }
-    times(count) { return `${digits(count)} ${count === 1 ? this.data.counted.slice(0, -1) : this.data.counted}`; }
+    times(count) { return this.data.times[count === 1 ? 0 : 1].replace("{count}", digits(count)); }
     aggregate(min, max) {
       const unit = this.data.bin_ms;
       const width = barWidth(Math.ceil((max - min) / unit), Math.max(30, Math.min(MOST_BARS, this.width() / 6)));
@@ -90,7 +90,7 @@
           y: { distr: this.log ? 3 : 1, log: 10, range: () => this.y },
         },
         axes: [
-          axis(`${this.data.time} (ms)`, { values: plain }),
+          axis(said("chart_time", { time: this.data.time }), { values: plain }),
           axis("", { size: 62, values: this.log ? decades : plain, ...(this.log || this.several ? {} : { incrs: WHOLE }), ...(this.log ? { splits: () => powers(...this.y), filter: (u, all) => all } : {}) }),
         ],
         series: [{}, ...series],
@@ -137,7 +137,7 @@
       ctx.restore();
     }
     caption(u) {
-      const text = `${this.several ? "share of " : ""}${this.data.counted} per ${digits(this.barMs)} ms`;
+      const text = said(this.several ? "chart_share_per" : "chart_per", { counted: this.data.counted, width: digits(this.barMs) });
       const { ctx } = u, ratio = devicePixelRatio;
       ctx.save();
       ctx.fillStyle = css("--ink");
@@ -151,8 +151,8 @@
     legend() {
       const colours = this.colours();
       const entries = this.data.series.map(({ label, count }, number) =>
-        [colours[number], this.several ? `${label}: ${this.times(count)}` : `counted: ${this.times(count)}`]);
-      if (this.data.law.length) entries.push([css("--law"), `expected by the exact law${this.data.without}`]);
+        [colours[number], said(this.several ? "chart_series" : "chart_counted", { label, times: this.times(count) })]);
+      if (this.data.law.length) entries.push([css("--law"), said("chart_expected_law", this.data)]);
       for (const [, text] of this.data.bounds) entries.push([css("--law"), text]);
       return entries;
     }
@@ -160,13 +160,13 @@
       const index = u.cursor.idx;
       if (index === null || index === undefined) return "";
       const half = this.barMs / 2, x = u.data[0][index];
-      const parts = [`${digits(x - half)} to ${digits(x + half)} ms`];
+      const parts = [said("chart_range", { low: digits(x - half), high: digits(x + half) })];
       this.data.series.forEach((series, number) => {
         const value = u.data[number + 1][index] ?? 0;
-        parts.push(this.several ? `${series.label}: ${digits(100 * value, 4)} %` : this.times(value));
+        parts.push(this.several ? said("chart_series", { label: series.label, times: `${digits(100 * value, 4)} %` }) : this.times(value));
       });
       parts.push(...boundsNear(u, this.data.bounds, left));
-      if (this.data.law.length) parts.push(`expected ${digits(u.data[2][index] ?? 0, 1)}`);
+      if (this.data.law.length) parts.push(said("chart_expected", { count: digits(u.data[2][index] ?? 0, 1) }));
       return parts.join(" · ");
     }
   }
@@ -200,23 +200,24 @@
           x: { time: false, range: (u, min, max) => (min === null ? this.whole : [min, max]) },
           y: { distr: 3, log: 10, range: () => [10 ** power, 1.6] },
         },
-        axes: [axis("link scan time x (ms)", { values: plain }),
-          axis("share of link scans over x", { size: 62, values: decades, splits: () => splits, filter: (u, all) => all })],
+        axes: [axis(said("chart_tail_x"), { values: plain }),
+          axis(said("chart_tail_y"), { size: 62, values: decades, splits: () => splits, filter: (u, all) => all })],
         series: [{}, ...series],
       };
     }
     legend() {
-      const entries = [[css("--simulated"), "counted in the run"]];
-      if (this.law.length) entries.push([css("--law"), `exact law${this.data.without}`]);
+      const entries = [[css("--simulated"), said("chart_counted_run")]];
+      if (this.law.length) entries.push([css("--law"), said("chart_law", this.data)]);
       return entries;
     }
     describe(u, left) {
       const x = u.posToVal(left, "x");
       const last = this.data.counted.filter(([at]) => at <= x).pop();
-      const once = (p) => (p >= 0.5 ? `${digits(100 * p, 1)} %` : p > 0 ? `1 in ${digits(1 / p, 1 / p < 10 ? 1 : 0)}` : "none");
-      const parts = [`over ${digits(x)} ms`, `counted ${x < (this.data.counted[0]?.[0] ?? 0) ? "all" : once(
-        last && x <= this.data.counted[this.data.counted.length - 1][0] ? last[1] : 0)}`];
-      if (this.law.length) parts.push(x > this.law[this.law.length - 1][0] ? "law: under 1 in 1e12" : `law ${once(tailAt(this.law, x))}`);
+      const once = (p) => (p >= 0.5 ? `${digits(100 * p, 1)} %` : p > 0 ? said("chart_one_in", { number: digits(1 / p, 1 / p < 10 ? 1 : 0) }) : said("chart_none"));
+      const share = x < (this.data.counted[0]?.[0] ?? 0) ? said("chart_every")
+        : once(last && x <= this.data.counted[this.data.counted.length - 1][0] ? last[1] : 0);
+      const parts = [said("chart_over", { time: digits(x) }), said("chart_counted_share", { share })];
+      if (this.law.length) parts.push(x > this.law[this.law.length - 1][0] ? said("chart_law_least") : said("chart_law_share", { share: once(tailAt(this.law, x)) }));
       return parts.join(" · ");
     }
   }
@@ -226,8 +227,8 @@
   class OverRun extends Chart {
     setUp() {
       this.whole = [0, this.data.end];
-      this.rows = [["faults", this.data.faults, "--fault"], ["in error", this.data.errors, "--error"],
-        ["master lost", this.data.lost, "--lost"]]
+      this.rows = [["chart_fault", this.data.faults, "--fault"], ["chart_in_error", this.data.errors, "--error"],
+        ["chart_lost", this.data.lost, "--lost"]]
         .filter(([, spans]) => spans.length);
     }
     content() {
@@ -241,7 +242,7 @@
         padding: [12, 14, this.rows.length * LANE, 0],
         scales: { x: { time: false, range: (u, min, max) => (min === null ? this.whole : [min, max]) },
           y: { range: () => [Math.max(0, low), high] } },
-        axes: [axis("time of the run (s)", { values: plain }), axis("link scan time (ms)", { size: 62, values: plain })],
+        axes: [axis(said("chart_run_time"), { values: plain }), axis(said("chart_scan_time"), { size: 62, values: plain })],
         series: [{}, { label: "longest", stroke: css("--simulated"), width: 1, points: { show: true, size: 3, fill: css("--simulated") }, paths: () => null },
           { label: "shortest", stroke: css("--simulated"), width: 1, points: { show: false }, paths: () => null }],
         hooks: { draw: [(u) => this.bars(u)] },
@@ -278,17 +279,16 @@
       ctx.restore();
     }
     legend() {
-      const entries = [[css("--simulated"), "longest and shortest of neighbouring link scans"]];
+      const entries = [[css("--simulated"), said("chart_neighbours")]];
       for (const [name, , colour] of this.rows)
-        entries.push([css(colour), { faults: "a fault acts", "in error": "the master has a station in error",
-          "master lost": "the master makes no link scan, or slaves do not receive it" }[name]]);
+        entries.push([css(colour), said(name)]);
       return entries;
     }
     describe(u, left) {
       const x = u.posToVal(left, "x"), index = u.cursor.idx, parts = [];
       if (index !== null && index !== undefined && this.data.cells[index]) {
         const [at, longest, shortest] = this.data.cells[index];
-        parts.push(`${digits(at)} s`, longest === shortest ? `${digits(longest)} ms` : `${digits(shortest)} to ${digits(longest)} ms`);
+        parts.push(`${digits(at)} s`, longest === shortest ? `${digits(longest)} ms` : said("chart_range", { low: digits(shortest), high: digits(longest) }));
       }
       for (const [, spans] of this.rows) for (const [text, from, to] of spans) if (from <= x && x <= to) parts.push(text);
       return parts.join(" · ");
@@ -298,7 +298,7 @@
   // ---- the timeline, like a logic analyser ----
   class Timeline extends Chart {
     setUp() { this.whole = [0, this.data.span]; }
-    time() { return `ms after ${this.data.begin_s.toFixed(6)} s`; }
+    time() { return said("chart_after", { begin: this.data.begin_s.toFixed(6) }); }
     content() { return [[0, this.data.span], [0, this.data.lanes.length]]; }
     options() {
       const count = this.data.lanes.length, narrow = this.width() < 600;
@@ -403,7 +403,7 @@
       const parts = [];
       for (const [at, tick, , text] of this.data.marks) if (at === lane && Math.abs(tick - x) <= near) parts.push(text);
       for (const [at, from, to, , , text] of this.data.boxes) if (at === lane && from <= x && x <= to) parts.push(text);
-      return parts.length ? `${digits(x)} ms: ${[...new Set(parts)].slice(0, 4).join(" · ")}` : "";
+      return parts.length ? said("chart_at", { time: digits(x), parts: [...new Set(parts)].slice(0, 4).join(" · ") }) : "";
     }
   }
 

@@ -26,10 +26,10 @@ from bussim.results.plots.style import (
     style,
 )
 from bussim.results.run_record import RunRecord
+from bussim.results.text.lines import fault_in_words
 from bussim.results.text.run import caption_of, lost_in_words
 from bussim.units import TICKS_PER_SECOND, milliseconds, seconds
 from bussim.words.language import said_text, shown
-from bussim.words.tables import recognised
 
 #: Most lines of faults; the others share one.
 _MOST_FAULTS = 10
@@ -142,7 +142,7 @@ def _fault_lanes(run: RunRecord, link: LinkRecord, bus: str) -> list[_Lane]:
     """Faults of the bus and of its PLCs, those with the same text on one line."""
     lanes: dict[str, list[Span]] = {}
     for text, span in fault_spans(run.notes, {bus, *link.plc_names}):
-        lanes.setdefault(shown(recognised(text)), []).append(span)
+        lanes.setdefault(shown(fault_in_words(text)), []).append(span)
     if len(lanes) > _MOST_FAULTS:
         rest = list(lanes)[_MOST_FAULTS - 1 :]
         merged = [span for text in rest for span in lanes.pop(text)]

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 
 from bussim.words.language import say, shown
+from bussim.words.tables import recognised
 
 #: Columns of a label.
 _LABEL = 16
@@ -15,6 +17,17 @@ _NAMES = {
     "p99": "time_p99",
     "max": "time_max",
 }
+
+
+_LASTING = re.compile(r"(.+) for (\d\S* \w+)", re.DOTALL)
+
+
+def fault_in_words(text: str) -> str:
+    """A fault as a trace names it, also in another language."""
+    if lasting := _LASTING.fullmatch(text):
+        fault, time = lasting.groups()
+        return say("fault_for", fault=recognised(fault, "fault_"), time=time)
+    return recognised(text, "fault_")
 
 
 def labelled(label: str, text: str) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from bussim.words.formats import render
-from bussim.words.tables import Said, entries
+from bussim.words.tables import LANGUAGES, Said, entries
 
 #: Sentences of folders of earlier versions, which have their texts.
 _FORMER_FAULTS = frozenset({"cause_late", "cause_stopped", "cause_still_stopped", "cause_unreached"})
@@ -14,7 +14,7 @@ _FORMER_FAULTS = frozenset({"cause_late", "cause_stopped", "cause_still_stopped"
 
 def is_fault(key: str) -> bool:
     """Whether a sentence says that something was wrong; one of a later version does not."""
-    return "fault" in entries().get(key, ()) or key in _FORMER_FAULTS
+    return "fault" in entries().get(key, ())[len(LANGUAGES) :] or key in _FORMER_FAULTS
 
 
 def sentence(item: Mapping[str, Any]) -> str:

@@ -36,6 +36,7 @@ from bussim.sim.nn.contract import LinkStation
 from bussim.sim.notes import Notes
 from bussim.trace.records import LATE_REPLY, AttemptRecord, ScanRecord, Sink
 from bussim.units import format_ms
+from bussim.words.language import say
 
 if TYPE_CHECKING:
     import numpy as np
@@ -99,17 +100,17 @@ class LinkReporter(Notes):
                 self._lost(port, event)
             case StationBack(tick, station):
                 label = self.station_label(station)
-                self.note(tick, "recovered", port.name, f"{label} replies again", station=station)
+                self.note(tick, "recovered", port.name, say("note_recovered", station=label), station=station)
             case MasterWatchdog(tick, heard):
-                self.note(tick, "watchdog", port.name, "the master's frames stopped", heard=heard)
+                self.note(tick, "watchdog", port.name, say("note_watchdog"), heard=heard)
             case PolledWithoutParameters(tick):
-                self.note(tick, "no_parameters", port.name, "polled before it had parameters")
+                self.note(tick, "no_parameters", port.name, say("note_no_parameters"))
             case ParametersTaken(tick, settings):
                 port.plc.parameters(settings, now)
-                self.note(tick, "parameters", port.name, "took the master's parameters")
+                self.note(tick, "parameters", port.name, say("note_parameters"))
             case ParametersRefused(_, settings):
                 port.plc.refuse(now)
-                text = f"mode {settings.mode} of the master does not exist on {port.plc.profile.name}"
+                text = say("note_mode", mode=settings.mode, profile=port.plc.profile.name)
                 self.note(now, "refused", port.name, text)
                 self.warn(mode_refusal(port.name, port.plc.profile, settings.mode))
             case _:
@@ -143,7 +144,7 @@ class LinkReporter(Notes):
             case AllHealthy(tick):
                 if self.healthy_at is None:
                     self.healthy_at = tick
-                self.note(tick, "healthy", self._bus, "every slave replies and no flag is on")
+                self.note(tick, "healthy", self._bus, say("note_healthy"))
             case _:
                 assert_never(event)
 
@@ -169,7 +170,9 @@ class LinkReporter(Notes):
         if not event.new:
             return
         label = self.station_label(event.station)
-        text = f"{label}: code {event.code:02X}, {MEANINGS[event.code]}"
+        text = say(
+            "note_station_error", station=label, code=f"{event.code:02X}", meaning=MEANINGS[event.code]
+        )
         self.note(event.tick, "station_error", port.name, text, station=event.station, code=event.code)
 
     def _cause(self, event: ScanEnded) -> str:

@@ -22,6 +22,7 @@ from bussim.plc.ports.events import PortErrorRaised, TurnEnded
 from bussim.sim.notes import Notes
 from bussim.sim.serial.contract import SerialStation
 from bussim.trace.records import CycleRecord, FreeRecord, Outcome, PollRecord, Sink, TransactionRecord
+from bussim.words.language import say
 
 
 @dataclass(slots=True)
@@ -93,7 +94,7 @@ class SerialReporter(Notes):
                 node.rejected = event
                 counts.rejected[event.reason.value] += 1
             case StationRefused(tick, station):
-                text = f"station {station} is outside 1..247: it stays silent"
+                text = say("note_outside", number=station)
                 self.note(tick, "refused", node.name, text)
                 self.warn(f"{node.name}: {text}")
             case _:
@@ -152,7 +153,7 @@ class SerialReporter(Notes):
         if event.error is PortError.TIMEOUT and event.sent is not None:
             node.replies.gave_up(node.name, poll, event.sent, event.end)
         if taken_for_own:
-            text = f"took the response to an earlier request for that of station {event.station}"
+            text = say("note_mismatched", number=event.station)
             self.note(event.end, "mismatched", node.name, text, station=event.station)
 
     def turn(self, node: SerialStation, turn: TurnEnded) -> None:
@@ -179,7 +180,7 @@ class SerialReporter(Notes):
             self.note(event.tick, "refused", node.name, text.removeprefix(f"{node.name} "), D8063=event.code)
             self.warn(text)
         elif errors[code] == 1:
-            text = f"first error {event.code}: {MEANINGS[code]}"
+            text = say("note_port_error", code=event.code, meaning=MEANINGS[code])
             self.note(event.tick, "port_error", node.name, text, code=code)
 
     # -- free protocol -----------------------------------------------------------------------------

@@ -682,6 +682,7 @@
 
   // ---- the whole page ----
   const speak = () => {
+    charts.speech.lang = lang;
     document.documentElement.lang = lang === "zh" ? "zh-Hans" : "en";
     for (const each of document.querySelectorAll("[data-word]")) each.textContent = word(each.dataset.word);
     for (const each of document.querySelectorAll("[data-lang].chosen, button[data-lang]")) each.setAttribute("aria-pressed", String(each.dataset.lang === lang));
