@@ -169,7 +169,7 @@ def _alternatives(model: LinkModel) -> list[tuple[str, str, LinkModel]]:
 
 
 def _reading(reading: Attempts) -> str:
-    return say("reading_retries" if reading is Attempts.RETRIES else "reading_retries_plus_1")
+    return say(f"reading_{reading.name.lower()}")
 
 
 def _noise(model: LinkModel, goals: Goals, recommended: Choice) -> list[Assumption]:
