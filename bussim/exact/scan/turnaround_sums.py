@@ -239,6 +239,30 @@ class TurnaroundSums:
         return _grid_of(tuple((self._every if code >= self.torn > 0 else self._kinds).items()))
 
 
+#: Bytes that are kept of what was worked out, each of three kinds.
+_KEPT_BYTES = 1 << 26
+
+
+class _Kept:
+    """Offsets and values by code: those used last, as many as :data:`_KEPT_BYTES` hold."""
+
+    def __init__(self) -> None:
+        self._found: dict[int, tuple[float, Floats]] = {}
+        self._bytes = 0
+
+    def get(self, code: int) -> tuple[float, Floats] | None:
+        found = self._found.pop(code, None)
+        if found is not None:
+            self._found[code] = found  # dictionaries keep their order: what was used last stands last
+        return found
+
+    def keep(self, code: int, found: tuple[float, Floats]) -> None:
+        self._found[code] = found
+        self._bytes += found[1].nbytes
+        while self._bytes > _KEPT_BYTES and len(self._found) > 1:
+            self._bytes -= self._found.pop(next(iter(self._found)))[1].nbytes
+
+
 @lru_cache(maxsize=4)
 def _grid_of(kinds: tuple[tuple[int, _Kind], ...]) -> _Grid:
     """The grid of these kinds by digit, which a link shares with those of another timeout or more retries."""
@@ -270,9 +294,7 @@ class _Grid:
                 self._stepwise = False
         self._uniform = {digit for digit, kind in digits.items() if not kind.atoms}
         self._singles = {digit: self._masses(kind) for digit, kind in digits.items()}
-        self._sums: dict[int, tuple[float, Floats]] = {0: (0.0, np.ones(1))}
-        self._tails: dict[int, Floats] = {}
-        self._excesses: dict[int, Floats] = {}
+        self._sums, self._tails, self._excesses = _Kept(), _Kept(), _Kept()
 
     def _masses(self, kind: _Kind) -> tuple[float, Floats]:
         """Offset (ticks) of the first mass, and the masses."""
@@ -290,6 +312,8 @@ class _Grid:
 
     def _sum(self, code: int) -> tuple[float, Floats]:
         """Offset (ticks) of the first mass of a sum, and the masses."""
+        if code == 0:
+            return 0.0, np.ones(1)
         found = self._sums.get(code)
         if found is None:
             counts = {digit: code >> (DIGIT * digit) & _MASK for digit in self._singles}
@@ -301,19 +325,23 @@ class _Grid:
                 masses = _moving_sums(masses, single.size) * single[0]
             else:
                 masses = np.convolve(masses, single)
-            found = self._sums[code] = (offset + more, masses)
+            found = offset + more, masses
+            self._sums.keep(code, found)
         return found
 
-    def _tail_of(self, code: int) -> Floats:
-        """P(sum > …) from before the first mass to after the last."""
-        if code not in self._tails:
-            self._tails[code] = np.concatenate((_from_end(self._sum(code)[1]), [0.0]))
-        return self._tails[code]
+    def _tail_of(self, code: int) -> tuple[float, Floats]:
+        """Offset (ticks) of the first mass, and P(sum > …) from before it to after the last."""
+        found = self._tails.get(code)
+        if found is None:
+            offset, masses = self._sum(code)
+            found = offset, np.concatenate((_from_end(masses), [0.0]))
+            self._tails.keep(code, found)
+        return found
 
     def tail(self, code: int, y: Floats) -> Floats:
         """P(sum > y)."""
-        tail = self._tail_of(code)
-        position = (y - self._sum(code)[0]) / self._step
+        offset, tail = self._tail_of(code)
+        position = (y - offset) / self._step
         if self._stepwise:
             index = np.clip(np.floor(position + 1e-9).astype(np.int64) + 1, 0, tail.size - 1)
             return np.asarray(tail[index], dtype=np.float64)
@@ -324,12 +352,14 @@ class _Grid:
 
     def excess(self, code: int, y: Floats) -> Floats:
         """E[max(0, sum - y)]."""
-        offset, tail = self._sum(code)[0], self._tail_of(code)
-        if code not in self._excesses:  # beyond each mass
-            self._excesses[code] = np.concatenate((_from_end(tail[1:]), [0.0]))
+        offset, tail = self._tail_of(code)
+        found = self._excesses.get(code)
+        if found is None:
+            found = offset, np.concatenate((_from_end(tail[1:]), [0.0]))  # beyond each mass
+            self._excesses.keep(code, found)
         index = np.clip(np.ceil((y - offset) / self._step), 0, tail.size - 1).astype(np.int64)
         left = np.maximum(offset + self._step * index - y, 0.0)
-        return np.asarray(tail[index] * left + self._step * self._excesses[code][index])
+        return np.asarray(tail[index] * left + self._step * found[1][index])
 
 
 def _from_end(values: Floats) -> Floats:

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bussim.exact.scan import turnaround_sums
 from bussim.exact.scan.turnaround_sums import DIGIT, TurnaroundSums, irwin_hall_excess, irwin_hall_tail
 from bussim.plc.profiles import Turnaround
 
@@ -136,3 +137,26 @@ def test_more_kinds_than_fit() -> None:
     assert TurnaroundSums(distributions[:4]).unit(distributions[3]) == 1 << (3 * DIGIT)
     with pytest.raises(ValueError, match="5 kinds of turnaround, at most 4"):
         TurnaroundSums(distributions)
+
+
+def test_what_is_kept_of_sums_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A fitted link has thousands of sums, which took gigabytes; whether they are kept changes none of them."""
+    kinds = [
+        Turnaround(0, 0, values=(0, 720, 2160), weights=(1, 2, 1)),
+        Turnaround(0, 0, values=(0, 1440), weights=(1, 1)),
+    ]
+    codes = [a + (b << DIGIT) for a in range(12) for b in range(12)]
+
+    def tails() -> list[float]:
+        turnaround_sums._grid_of.cache_clear()
+        sums = TurnaroundSums(kinds)
+        return [
+            float(each(code, np.array([2000.0]))[0]) for code in codes for each in (sums.tail, sums.excess)
+        ]
+
+    kept = tails()
+    monkeypatch.setattr(turnaround_sums, "_KEPT_BYTES", 1000)
+    assert tails() == kept
+    grid = turnaround_sums._grid_of(tuple(TurnaroundSums(kinds)._kinds.items()))
+    for store in (grid._sums, grid._tails, grid._excesses):
+        assert sum(values.nbytes for _, values in store._found.values()) == store._bytes <= 1000
