@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import secrets
+import socket
 import webbrowser
+from importlib.util import find_spec
 from pathlib import Path
 
 import click
@@ -25,20 +28,11 @@ def command(scenario: str | None, *, folder: str | None, lang: str | None, no_br
     it: a colleague who works on this computer at the same time could read it from the list of processes.
     Scenarios are saved in the folder, and runs in its folder runs. Ends with Quit on the page or Ctrl-C.
     """
-    try:
-        from bussim.ui.server import Above, serve
-    except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] not in ("starlette", "uvicorn", "anyio"):
-            raise
-        raise UsageError(
-            f"the page needs {error.name}, which is not installed: pip install 'bussim[ui]'"
-        ) from None
-    from bussim.commands.new import new_scenario
-    from bussim.commands.report import report
     from bussim.scenario import builtin
-    from bussim.site.result import site
-    from bussim.ui.workspace import Workspace
 
+    for name in ("starlette", "uvicorn"):
+        if find_spec(name) is None:
+            raise UsageError(f"the page needs {name}, which is not installed: pip install 'bussim[ui]'")
     opened, home = None, Path()
     if scenario is not None:
         opened = builtin.locate(scenario)[0].absolute()
@@ -49,10 +43,21 @@ def command(scenario: str | None, *, folder: str | None, lang: str | None, no_br
     if not where.is_dir():
         raise UsageError(f"--folder {where}: no such folder")
 
-    def ready(address: str) -> None:
+    token = secrets.token_urlsafe(32)
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        listening.listen()
+        # The fragment of an address is never sent, nor logged.
+        address = f"http://127.0.0.1:{listening.getsockname()[1]}/#{token}"
         click.echo(address)
         if not no_browser:
             webbrowser.open(address)
+        # While the browser begins.
+        from bussim.commands.new import new_scenario
+        from bussim.commands.report import report
+        from bussim.site.result import site
+        from bussim.ui.server import serve
+        from bussim.ui.workspace import Workspace
 
-    above = Above(report, site, new_scenario(4, 2))
-    serve(Workspace(where, opened), above, lang or system_language(), ready)
+        parts = {"report": report, "site": site, "example": new_scenario(4, 2)}
+        serve(listening, token, Workspace(where, opened), lang or system_language(), **parts)

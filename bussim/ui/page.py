@@ -19,8 +19,7 @@ def words(lang: str) -> dict[str, str]:
     return page_words("report", lang) | page_words("sizing", lang) | page_words("ui", lang)
 
 
-@cache
-def page(lang: str) -> str:
+def _page(lang: str) -> str:
     """The HTML that the browser gets, with the words of both languages and no figure."""
     payload = {"charts": [], "runs": [], "lang": lang, "words": {each: words(each) for each in ("en", "zh")}}
     template = environment().from_string(_own("ui.html.jinja"))
@@ -33,9 +32,11 @@ def page(lang: str) -> str:
 
 
 @cache
-def static(name: str) -> tuple[str, str] | None:
-    """A file that the page loads, and its type; None for all other names."""
+def static(name: str, lang: str) -> tuple[str, str] | None:
+    """A file that the browser loads, "" for the page itself, and its type; None for all other names."""
     match name:
+        case "":
+            return _page(lang), "text/html"
         case "page.css":
             return "\n".join([*map(text, _STYLES), _own("ui.css")]), "text/css"
         case "page.js":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -28,7 +27,7 @@ _POINTS = 300
 #: Recommendations that are kept.
 _KEPT = 16
 #: What the page does not show of a sizing.
-_LEFT_OUT = ("pareto", "pareto_above_1_s", "margins", "rests_on")
+_LEFT_OUT = ("pareto", "pareto_above_1_s", "margins", "rests_on", "ladder")
 
 
 class Asked(Strict):
@@ -59,7 +58,7 @@ class Desk:
 
     def __init__(self, workspace: Workspace) -> None:
         self.workspace = workspace
-        self._sized: OrderedDict[tuple[object, ...], Sized] = OrderedDict()
+        self._sized: dict[tuple[object, ...], Sized] = {}
 
     def line(self, asked: Asked) -> Line:
         """The line that a question is about. Raises ScenarioError with every mistake in it."""
@@ -118,15 +117,15 @@ class Desk:
         """What ``bussim.size`` says of a line: the same for all of its D8179 and D8180."""
         form = asked.form.model_copy(update={"retries": None, "timeout": None})
         key = (asked.text, form.model_dump_json(), asked.bus, asked.beside, tuple(asked.goals))
-        if key not in self._sized:
+        found = self._sized.get(key)
+        if found is None:
             try:
-                self._sized[key] = size(line.scenario, asked.goals)
+                found = self._sized[key] = size(line.scenario, asked.goals)
             except UsageError as error:
                 raise Refusal(400, "goal", str(error)) from error
-            while len(self._sized) > _KEPT:
-                self._sized.popitem(last=False)
-        self._sized.move_to_end(key)
-        return self._sized[key]
+            for old in list(self._sized)[:-_KEPT]:
+                self._sized.pop(old, None)
+        return found
 
     def refresh(self, asked: Asked) -> dict[str, Any]:
         """How old the blocks of each pair may be, and the presets for a heartbeat."""

@@ -7,7 +7,6 @@ import secrets
 import socket
 import threading
 from collections.abc import AsyncIterator, Callable
-from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Any, TypeVar, cast
@@ -30,7 +29,7 @@ from bussim.ui.counters import CountersAsked, noise_of
 from bussim.ui.finished import finished
 from bussim.ui.guard import Guard, Refusal, body_of
 from bussim.ui.line import Name, Strict, field_of
-from bussim.ui.page import page, static
+from bussim.ui.page import static
 from bussim.ui.questions import Asked, Desk, SizeAsked
 from bussim.ui.workspace import Workspace
 from bussim.version import __version__
@@ -71,24 +70,25 @@ class _Report(SizeAsked):
     run: Name | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Above:
-    """What the page is given from above: the report on a run, the reader of a readout, its first text."""
-
-    report: Callable[..., Path]
-    site: Callable[[Path], Any]
-    example: str
-
-
 class Service:
     """The addresses of the page and their answers.
 
-    ``end`` is called when the page asks for the end of the server.
+    ``report`` writes the page on a run's folder, ``site`` reads the file of a readout: parts of bussim that
+    know more than the page does. ``example`` is the text that it begins with; ``end`` ends the server.
     """
 
-    def __init__(self, workspace: Workspace, above: Above, lang: str, end: Callable[[], None]) -> None:
-        self._desk, self._workspace, self._above = Desk(workspace), workspace, above
-        self._lang, self._stop_server = lang, end
+    def __init__(
+        self,
+        workspace: Workspace,
+        lang: str,
+        *,
+        report: Callable[..., Path],
+        site: Callable[[Path], Any],
+        example: str,
+        end: Callable[[], None],
+    ) -> None:
+        self._desk, self._workspace, self._lang = Desk(workspace), workspace, lang
+        self._report_on, self._site, self._example, self._stop_server = report, site, example, end
         self._beginning = CapacityLimiter(1)
         self._waiting: dict[str, str] = {}
         self._running: dict[str, StartedRun] = {}
@@ -104,7 +104,7 @@ class Service:
             "law": (Asked, desk.law),
             "size": (SizeAsked, desk.size),
             "refresh": (Asked, desk.refresh),
-            "counters": (CountersAsked, lambda asked: noise_of(asked, desk.line(asked), self._above.site)),
+            "counters": (CountersAsked, lambda asked: noise_of(asked, desk.line(asked), self._site)),
             "list": (_Empty, lambda _: {"entries": self._workspace.listing()}),
             "open": (_Open, lambda asked: self._workspace.read(self._workspace.path(asked.id))),
             "save": (_Save, self._save),
@@ -117,22 +117,20 @@ class Service:
         ]
         routes += [
             Route("/api/run", self._run, methods=["POST"]),
-            Route("/", self._page),
-            Route("/static/{name}", self._static),
+            Route("/", self._file),
+            Route("/static/{name}", self._file),
             Route("/made/{key}", self._made),
         ]
         handlers = {404: _not_found, 405: _not_found, Exception: _failed}
         return Guard(Starlette(routes=routes, exception_handlers=handlers), port, token)
 
-    async def _page(self, _: Request) -> Response:
-        return HTMLResponse(page(self._lang))
-
-    async def _static(self, request: Request) -> Response:
-        found = static(request.path_params["name"])
-        if found is None:
-            return await _not_found(request, KeyError())
-        text, kind = found
-        return Response(text, media_type=kind)
+    async def _file(self, request: Request) -> Response:
+        found = static(request.path_params.get("name", ""), self._lang)
+        return (
+            await _not_found(request, KeyError())
+            if found is None
+            else Response(found[0], media_type=found[1])
+        )
 
     async def _made(self, request: Request) -> Response:
         """A page made for printing, once: its address is known to nobody else, and its policy is its own."""
@@ -145,7 +143,7 @@ class Service:
     def _hello(self, _: _Empty) -> dict[str, Any]:
         workspace = self._workspace
         opened = workspace.opened
-        example = {"text": self._above.example, "name": "", "id": None, "hash": None}
+        example = {"text": self._example, "name": "", "id": None, "hash": None}
         return {
             "version": __version__,
             "lang": self._lang,
@@ -169,7 +167,7 @@ class Service:
             text = self._desk.printed(asked)
         elif asked.run in self._runs:
             with TemporaryDirectory() as folder:
-                made = self._above.report(self._runs[asked.run], out=Path(folder) / "report.html")
+                made = self._report_on(self._runs[asked.run], out=Path(folder) / "report.html")
                 text = made.read_text(encoding="utf-8")
         else:
             raise Refusal(400, "unknown_id", "no such run was finished")
@@ -196,9 +194,9 @@ class Service:
             key = await to_thread.run_sync(self._begin, asked, limiter=self._beginning)
         except (Refusal, BussimError) as error:
             return _refused(error)
-        return StreamingResponse(
-            self._said(key, self._running[key], asked.lang), media_type="application/x-ndjson"
-        )
+        said = self._said(key, self._running[key], asked.lang)
+        await anext(said)  # from here on its end is seen to, whatever becomes of the page
+        return StreamingResponse(said, media_type="application/x-ndjson")
 
     def _begin(self, asked: _Run) -> str:
         if self._running:
@@ -219,6 +217,7 @@ class Service:
         """What a simulation says; a page that is gone stops it."""
         steps = running.progress()
         try:
+            yield ""
             yield _json({"event": "started", "id": key})
             while (step := await to_thread.run_sync(next, steps, None, abandon_on_cancel=True)) is not None:
                 yield _json({"event": "progress", **step._asdict()})
@@ -237,39 +236,33 @@ class Service:
             del self._running[key]
 
 
-def serve(workspace: Workspace, above: Above, lang: str, ready: Callable[[str], None]) -> None:
-    """Answer a page at 127.0.0.1 until it asks for the end, or Ctrl-C.
+def serve(listening: socket.socket, token: str, workspace: Workspace, lang: str, **parts: Any) -> None:
+    """Answer a page at a socket of this computer until it asks for the end, or Ctrl-C.
 
-    ``ready`` is called with the page's address, whose fragment has the token: it is never sent nor logged.
+    ``parts`` are those of :class:`Service`.
     """
-    token = secrets.token_urlsafe(32)
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as listening:
-        listening.bind(("127.0.0.1", 0))
-        port = listening.getsockname()[1]
 
-        def end() -> None:
-            server.should_exit = True
+    def end() -> None:
+        server.should_exit = True
 
-        service = Service(workspace, above, lang, end)
-        config = uvicorn.Config(
-            service.application(port, token),
-            log_config=None,  # it needs a console
-            access_log=False,
-            ws="none",
-            lifespan="off",
-            server_header=False,
-            proxy_headers=False,
-            timeout_keep_alive=600,
-            timeout_graceful_shutdown=1,
-        )
-        server = uvicorn.Server(config)
-        listening.listen(128)
-        ready(f"http://127.0.0.1:{port}/#{token}")
-        threading.Thread(target=_warm, args=(above.example,), daemon=True).start()
-        try:
-            server.run(sockets=[listening])
-        finally:
-            service.close()
+    service = Service(workspace, lang, end=end, **parts)
+    config = uvicorn.Config(
+        service.application(listening.getsockname()[1], token),
+        log_config=None,  # it needs a console
+        access_log=False,
+        ws="none",
+        lifespan="off",
+        server_header=False,
+        proxy_headers=False,
+        timeout_keep_alive=600,
+        timeout_graceful_shutdown=1,
+    )
+    server = uvicorn.Server(config)
+    threading.Thread(target=_warm, args=(parts["example"],), daemon=True).start()
+    try:
+        server.run(sockets=[listening])
+    finally:
+        service.close()
 
 
 def _warm(example: str) -> None:
@@ -278,8 +271,8 @@ def _warm(example: str) -> None:
 
 
 def _answering(kind: type[BaseModel], answer: Callable[[Any], Any]) -> Callable[[Request], Any]:
-    """An endpoint: JSON of a kind to JSON, one at a time in a thread."""
-    limiter = CapacityLimiter(1)
+    """An endpoint: JSON of a kind to JSON, two at a time in threads."""
+    limiter = CapacityLimiter(2)  # a second one where the first takes long
 
     async def answered(request: Request) -> Response:
         begun = anyio.current_time()

@@ -12,7 +12,7 @@ import httpx
 from bussim.commands.new import new_scenario
 from bussim.commands.report import report
 from bussim.site.result import site
-from bussim.ui.server import Above, Service
+from bussim.ui.server import Service
 from bussim.ui.workspace import Workspace
 
 PORT, TOKEN = 4711, "the-token-of-this-start"
@@ -46,7 +46,7 @@ class Page:
     def __init__(self, folder: Path, opened: Path | None = None) -> None:
         self.ended = False
         self.service = service = Service(
-            Workspace(folder, opened), Above(report, site, EXAMPLE), "en", self._end
+            Workspace(folder, opened), "en", report=report, site=site, example=EXAMPLE, end=self._end
         )
         self.client = Client(service.application(PORT, TOKEN))
 

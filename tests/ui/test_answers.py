@@ -37,7 +37,7 @@ def printed(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, An
 
 
 def shown_of(sizing: dict[str, Any]) -> dict[str, Any]:
-    left_out = ("pareto", "pareto_above_1_s", "margins", "rests_on")
+    left_out = ("pareto", "pareto_above_1_s", "margins", "rests_on", "ladder")
     return {key: value for key, value in sizing.items() if key not in left_out}
 
 
@@ -66,7 +66,7 @@ def test_every_figure_is_that_of_the_commands(
             assert len(law["law"][0]) == len(law["law"][1]) <= 1_300
             assert law["law"][0] == sorted(law["law"][0])
         sized = page.ask("size", **line, bus=bus)
-        left_out = ("pareto", "pareto_above_1_s", "margins", "rests_on")
+        left_out = ("pareto", "pareto_above_1_s", "margins", "rests_on", "ladder")
         assert sized["sizing"] == {
             key: value for key, value in size["links"][bus].items() if key not in left_out
         }

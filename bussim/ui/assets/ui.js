@@ -53,17 +53,24 @@
     clearTimeout(retrying);
     if (is) retrying = setTimeout(() => ask("list").then(refresh, () => {}), 2000);
   };
-  // One question of a kind is under way, and only the newest one waits.
+  // One question of a kind is under way, and only the newest one waits; after so long it waits no more.
+  const LONG = 1500;
   class Lane {
-    constructor(path, use) { Object.assign(this, { path, use, wanted: null, busy: false }); }
+    constructor(path, use) { Object.assign(this, { path, use, wanted: null, busy: 0, begun: 0, last: 0, timer: 0 }); }
     ask(body) { this.wanted = body; this.next(); }
     async next() {
-      if (this.busy || !this.wanted) return;
+      clearTimeout(this.timer);
+      if (!this.wanted || this.busy > 1) return;
+      const left = this.busy ? this.begun + LONG - performance.now() : 0;
+      if (left > 0) { this.timer = setTimeout(() => this.next(), left); return; }
       const body = this.wanted;
       this.wanted = null;
-      this.busy = true;
-      try { this.use(await ask(this.path, body), null); } catch (error) { if (!this.wanted) this.use(null, error); }
-      this.busy = false;
+      this.busy += 1;
+      this.begun = performance.now();
+      let found = null, refused = null;
+      try { found = await ask(this.path, body); } catch (error) { refused = error; }
+      if (body.n >= this.last && !(refused && this.wanted)) { this.last = body.n; this.use(found, refused); }
+      this.busy -= 1;
       this.next();
     }
   }
@@ -92,7 +99,7 @@
     }),
     refresh: new Lane("refresh", (found) => { if (found) { gaps = found; showGaps(); } }),
   };
-  let later = 0, calm = 0;
+  let later = 0, calm = 0, slow = 0;
   const refresh = () => {
     n += 1;
     keepInTab();
@@ -109,6 +116,9 @@
     for (const [ids, found] of [[["strip", "tiles", "curve"], law], [["verdict", "trade", "table", "recommended"], sized]])
       for (const id of ids) get(id).setAttribute("aria-busy", String(bad || found?.n !== n));
     get("tiles").setAttribute("aria-busy", String(bad || law?.n !== n || sized?.n !== n));
+    clearTimeout(slow);
+    get("working").hidden = true;
+    if (!bad && (law?.n !== n || sized?.n !== n)) slow = setTimeout(() => { get("working").hidden = false; }, 1000);
   };
   const problems = (error) => {
     const found = error?.values?.problems ?? (error ? [{ field: error.values?.field?.split(".").pop() ?? "", message: said(error) }] : []);
