@@ -5,27 +5,27 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, cast
 
-from bussim.api import load, open_run
+from bussim.api import open_run
 from bussim.exact.metrics import fine_curve
 from bussim.exact.solution import exact
 from bussim.report.charts import histogram_chart, scene_chart
 from bussim.report.runs import ExactDistribution
 from bussim.report.scene import MOST_SHAPES, scene_of
 from bussim.report.trace_window import read_window, worst_window
-from bussim.results.store.folder import SCENARIO
 from bussim.results.verdict.catalogue import sentence
+from bussim.scenario.model import Scenario
 from bussim.trace.file import TRACE, read_trace
 from bussim.words.language import shown, use_language
 
 
-def finished(folder: Path, lang: str) -> dict[str, Any]:
+def finished(folder: Path, scenario: Scenario, lang: str) -> dict[str, Any]:
     """Summary, verdict, histogram over the law and the longest link scan of a run's folder, by bus.
 
     Sentences are in the language ``lang``.
     """
     result = open_run(folder)
     record = result.record
-    laws = _laws(folder)
+    laws = _laws(scenario)
     histograms = {
         bus: histogram_chart({bus: link.scan_times.histogram}, laws.get(bus), bus)
         for bus, link in record.links.items()
@@ -41,7 +41,6 @@ def finished(folder: Path, lang: str) -> dict[str, Any]:
                 worst[bus] = {**scene_chart(scene, bus), "why": list(scene.why)}
     said = [sentence(each) for each in record.summary["verdict"]]
     found = {
-        "folder": str(folder),
         "links": record.summary["links"],
         "verdict": said,
         "warnings": record.summary["warnings"],
@@ -53,11 +52,9 @@ def finished(folder: Path, lang: str) -> dict[str, Any]:
         return cast("dict[str, Any]", shown(found))
 
 
-def _laws(folder: Path) -> dict[str, ExactDistribution]:
+def _laws(scenario: Scenario) -> dict[str, ExactDistribution]:
     """The distribution of each link of a run; of one that faults disturb that of the time between them."""
     laws = {}
-    # Of a run that this server has made: the text has every default, and the file names none.
-    scenario = load(folder / SCENARIO)
     between = exact(scenario, refresh=False, ignore_faults=True).links
     for bus, figures in exact(scenario, refresh=False).links.items():
         law = figures if figures.valid else between[bus]

@@ -193,8 +193,7 @@ def _changes(line: Line, form: Form) -> dict[str, object]:
     master = line.members.get(0)
     if master is None:
         raise Refusal(400, "no_master", "the link has no master, whose settings the form could change")
-    if form.stations is not None:
-        _stations(line, after, plcs, form.stations - 1)
+    added = [] if form.stations is None else _stations(line, after, plcs, form.stations - 1)
     for key, number, value in (
         ("slaves", D_SLAVES, form.stations and form.stations - 1),
         ("mode", D_MODE, form.mode),
@@ -203,48 +202,46 @@ def _changes(line: Line, form: Form) -> dict[str, object]:
     ):
         if value is not None:
             _set(plcs[master.name], key, f"D{number}", value)
-    for name, plc in plcs.items():
-        if not (name in {each.name for each in line.members.values()} or name not in _names(before)):
-            continue  # of another link, or of none
+    own = [name for name in plcs if name in {plc.name for plc in line.members.values()} or name in added]
+    for name in own:
         if form.profile is not None:
-            plc["profile"] = form.profile
+            plcs[name]["profile"] = form.profile
         if form.scan is not None:
-            _set_scan(plc, Scan(mean=form.scan), keep=True)
+            _set_scan(plcs[name], form.scan)
         if name in form.scans:
-            _set_scan(plc, form.scans[name], keep=False)
+            _set_scan(plcs[name], form.scans[name].mean, form.scans[name].jitter)
     if form.noise is not None:
         _set_noise(after, line.bus, form.noise)
     if form.off is not None:
-        names = [plc.name for plc in line.members.values()] + [
-            name for name in plcs if name not in _names(before)
-        ]
-        kept = [fault for fault in _list(after, "faults") if fault not in [_off(name) for name in names]]
-        after["faults"] = kept + [_off(name) for name in names if name in form.off and name in plcs]
+        kept = [fault for fault in _list(after, "faults") if fault not in [_off(name) for name in own]]
+        after["faults"] = kept + [_off(name) for name in own if name in form.off]
     if form.name is not None:
         after["name"] = form.name
     return {key: value for key, value in after.items() if key not in before or before[key] != value}
 
 
-def _stations(line: Line, data: Data, plcs: dict[str, Data], slaves: int) -> None:
-    """Add PLCs for stations that are not there, and take away plain ones at the end that are too many."""
+def _stations(line: Line, data: Data, plcs: dict[str, Data], slaves: int) -> list[str]:
+    """Add PLCs for stations that are not there, and take away plain ones at the end that are too many.
+
+    Returns the names of those that were added.
+    """
     like = next((plcs[plc.name] for number, plc in sorted(line.members.items()) if number), {})
     master = plcs[line.members[0].name]
-    for number in range(1, slaves + 1):
-        if number in line.members:
-            continue
+    link = like.get("nn") or master.get("nn") or {}
+    copy: Data = {key: like[key] for key in ("profile", "scan") if key in like}
+    port, added = ({"port": link["port"]} if "port" in link else {}), []
+    for number in set(range(1, slaves + 1)) - line.members.keys():
         name = next(name for each in range(number, 999) if (name := f"slave{each}") not in plcs)
-        link = like.get("nn") or master.get("nn") or {}
-        copy: Data = {key: like[key] for key in ("profile", "scan") if key in like}
-        port = {"port": link["port"]} if "port" in link else {}
         plcs[name] = {"name": name, **copy, "nn": {"bus": line.bus, **port, "station": number}}
         data["plcs"].append(plcs[name])
+        added.append(name)
     many = {plc.name: number for number, plc in line.members.items() if number > slaves}
     while (last := data["plcs"][-1])["name"] in many and last.keys() <= {"name", "profile", "scan", "nn"}:
-        rest = [each for key, each in data.items() if key != "plcs"]
-        if repr(last["name"]) in repr(rest):
+        if repr(last["name"]) in repr([each for key, each in data.items() if key != "plcs"]):
             break  # a fault or noise is about it
         data["plcs"].pop()
         del plcs[last["name"]]
+    return added
 
 
 def _set(plc: Data, key: str, register: str, value: int) -> None:
@@ -255,18 +252,12 @@ def _set(plc: Data, key: str, register: str, value: int) -> None:
         plc.setdefault("registers", {})[register] = value
 
 
-def _set_scan(plc: Data, scan: Scan, *, keep: bool) -> None:
-    """A PLC scan; with ``keep`` the jitter stays as it is."""
-    mean = format_time(round(scan.mean * TICKS_PER_MS))
-    found = plc.get("scan")
-    if isinstance(found, dict):
-        found["mean"] = mean
-        if not keep:
-            found["jitter"] = format_time(round(scan.jitter * TICKS_PER_MS))
-    elif scan.jitter:
-        plc["scan"] = {"mean": mean, "jitter": format_time(round(scan.jitter * TICKS_PER_MS))}
-    else:
-        plc["scan"] = mean
+def _set_scan(plc: Data, mean: float, jitter: float | None = None) -> None:
+    """A PLC scan in ms; without a jitter that stays as it is."""
+    old, times = plc.get("scan"), {"mean": _time(mean)} | ({"jitter": _time(jitter)} if jitter else {})
+    if jitter is None and isinstance(old, dict):
+        times = {**old, **times}
+    plc["scan"] = times if len(times) > 1 else times["mean"]
 
 
 def _set_noise(data: Data, bus: str, noise: NoiseIn) -> None:
@@ -278,7 +269,7 @@ def _set_noise(data: Data, bus: str, noise: NoiseIn) -> None:
     if noise.kind == "ber":
         made = [{**kept, "ber": noise.ber}]
     elif noise.kind == "burst":
-        times = {key: format_time(round(getattr(noise, key) * TICKS_PER_MS)) for key in ("good", "bad")}
+        times = {"good": _time(noise.good), "bad": _time(noise.bad)}
         made = [{**kept, "burst": {**own.get("burst", {}), **times, "ber_bad": noise.ber}}]
     else:
         made = [{**each, "bus": bus} for each in noise.entries if noise.kind == "counters"]
@@ -320,12 +311,12 @@ def _list(data: Data, key: str) -> list[Data]:
     return [each for each in found if isinstance(each, dict)] if isinstance(found, list) else []
 
 
-def _names(data: Data) -> list[str]:
-    return [each["name"] for each in _list(data, "plcs")]
-
-
 def _data(text: str) -> Data:
     return cast("Data", copied(read(text, "<text>")[0], "<text>"))
+
+
+def _time(ms: float) -> str:
+    return format_time(round(ms * TICKS_PER_MS))
 
 
 def _ms(ticks: float) -> float:

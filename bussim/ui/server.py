@@ -23,6 +23,7 @@ from starlette.routing import Route
 from bussim.api import examine, profiles
 from bussim.errors import BussimError, ScenarioError, UsageError
 from bussim.exact.solution import exact
+from bussim.scenario.model import Scenario
 from bussim.scenario.yaml.edit import edit
 from bussim.started import StartedRun, start
 from bussim.ui.counters import CountersAsked, noise_of
@@ -167,7 +168,9 @@ class Service:
             text = self._desk.printed(asked)
         elif asked.run in self._runs:
             with TemporaryDirectory() as folder:
-                made = self._report_on(self._runs[asked.run], out=Path(folder) / "report.html")
+                made = self._report_on(
+                    self._runs[asked.run], out=Path(folder) / "report.html", lang=asked.lang
+                )
                 text = made.read_text(encoding="utf-8")
         else:
             raise Refusal(400, "unknown_id", "no such run was finished")
@@ -191,14 +194,14 @@ class Service:
         """Begin a simulation, and stream what it says, a line of JSON each."""
         try:
             asked = _read(_Run, await body_of(request))
-            key = await to_thread.run_sync(self._begin, asked, limiter=self._beginning)
+            key, scenario = await to_thread.run_sync(self._begin, asked, limiter=self._beginning)
         except (Refusal, BussimError) as error:
             return _refused(error)
-        said = self._said(key, self._running[key], asked.lang)
+        said = self._said(key, scenario, asked.lang)
         await anext(said)  # from here on its end is seen to, whatever becomes of the page
         return StreamingResponse(said, media_type="application/x-ndjson")
 
-    def _begin(self, asked: _Run) -> str:
+    def _begin(self, asked: _Run) -> tuple[str, Scenario]:
         if self._running:
             raise Refusal(429, "busy", "a simulation is under way")
         changes: dict[str, object] = {}
@@ -211,26 +214,23 @@ class Service:
         key = secrets.token_urlsafe(9)
         folder = self._workspace.folder / _RUNS / "ui"
         self._running[key] = start(scenario, folder, trace=asked.trace, numbered=True)
-        return key
+        return key, scenario
 
-    async def _said(self, key: str, running: StartedRun, lang: str) -> AsyncIterator[str]:
+    async def _said(self, key: str, scenario: Scenario, lang: str) -> AsyncIterator[str]:
         """What a simulation says; a page that is gone stops it."""
+        running = self._running[key]
         steps = running.progress()
         try:
             yield ""
             yield _json({"event": "started", "id": key})
             while (step := await to_thread.run_sync(next, steps, None, abandon_on_cancel=True)) is not None:
                 yield _json({"event": "progress", **step._asdict()})
-            try:
-                result = await to_thread.run_sync(running.result, abandon_on_cancel=True)
-            except BussimError as error:
-                yield _json(
-                    {"event": "stopped"} if running.stopped else {"event": "failed", "text": str(error)}
-                )
-                return
+            result = await to_thread.run_sync(running.result, abandon_on_cancel=True)
             folder = self._runs[key] = cast("Path", result.folder)
-            found = await to_thread.run_sync(finished, folder, lang)
+            found = await to_thread.run_sync(finished, folder, scenario, lang)
             yield _json({"event": "finished", "folder": str(folder), "id": key, **found})
+        except (BussimError, OSError, ValueError) as error:
+            yield _json({"event": "stopped" if running.stopped else "failed", "text": str(error)})
         finally:
             running.stop()
             del self._running[key]

@@ -132,7 +132,7 @@ def test_a_stopped_simulation_ends_and_leaves_its_folder_incomplete(page: Page, 
     page.ask("run/stop", id=key)
     thread.join(20)
     assert not thread.is_alive()
-    assert events[-1] == {"event": "stopped"}
+    assert events[-1]["event"] == "stopped"
     assert process.exitcode is not None
     assert [each.name for each in (tmp_path / "runs").iterdir() if each.is_dir()] == ["ui.incomplete"]
     assert page.refused("run/stop", id=key)[1]["key"] == "unknown_id"

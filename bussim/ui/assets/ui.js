@@ -694,6 +694,7 @@
   const speak = () => {
     charts.speech.lang = lang;
     document.documentElement.lang = lang === "zh" ? "zh-Hans" : "en";
+    charts.speech.lang = lang;
     for (const each of document.querySelectorAll("[data-word]")) each.textContent = word(each.dataset.word);
     for (const each of document.querySelectorAll("[data-lang].chosen, button[data-lang]")) each.setAttribute("aria-pressed", String(each.dataset.lang === lang));
     get("folder").textContent = word("folder", { folder: limits.folder });
