@@ -74,7 +74,7 @@ def test_a_simulation_rises_finishes_stops_and_fails(seen: Seen, tmp_path: Path)
     seen.until(lambda: event(seen) == "progress")
     process = seen.process  # type: ignore[attr-defined]
     before = children(process)
-    (simulating,) = [each for each in before if b"spawn_main" in Path(f"/proc/{each}/cmdline").read_bytes()]
+    (simulating,) = [each for each in before if b"popen_loky" in Path(f"/proc/{each}/cmdline").read_bytes()]
     import os
 
     os.kill(simulating, signal.SIGKILL)
