@@ -14,13 +14,14 @@ import click
 from bussim.commands.common.output import print_json
 from bussim.commands.common.scenario_options import (
     code_option,
+    lang_option,
     set_option,
     time_of,
     unsimulated_option,
     values_of,
 )
 from bussim.errors import UsageError
-from bussim.wording import counted
+from bussim.words.language import said_text, say
 
 if TYPE_CHECKING:
     from bussim.results.meters.watch import Watch, Watched
@@ -46,6 +47,7 @@ _MOST_DEVICES = 100
     "--plot", "plot_file", metavar="FILE", help="Draw bits as lanes and words as steps (.png, .svg)."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print every change as JSON.")
+@lang_option
 @click.option("--signed", is_flag=True, help="Words with their sign, from -32768 to 32767.")
 @click.option("--seed", metavar="N", help="Seed of all random numbers.")
 @set_option
@@ -111,8 +113,9 @@ def command(
         left_out = watched[shown_devices(watched) :]
         if left_out:
             click.echo(f"{picture} has no room for {names(each.name for each in left_out)}", err=True)
-        about = f"{loaded.name}, seed {loaded.seed}, bussim {__version__}"
-        watch_picture(watch, begin, end, f"{loaded.name}: devices over time", about).save(picture)
+        what = {"scenario": loaded.name, "seed": loaded.seed, "version": __version__}
+        about, heading = say("picture_exact_about", **what), say("plot_devices", scenario=loaded.name)
+        watch_picture(watch, begin, end, heading, about).save(picture)
     if as_json:
         found = {
             "schema": 1,
@@ -237,7 +240,7 @@ def _show(watch: Watch, begin: int, end: int) -> None:
     from bussim.units import seconds
 
     table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0))
-    table.add_column("time (s)", justify="right", no_wrap=True)
+    table.add_column(said_text("watch_time"), justify="right", no_wrap=True)
     for each in watch.watched:
         heading = f"{each.name}\n{each.comment}" if each.comment else each.name
         table.add_column(Text(heading), justify="right", no_wrap=True)
@@ -253,12 +256,10 @@ def _show(watch: Watch, begin: int, end: int) -> None:
         before = values
     wide_console().print(table)
     if len(rows) > _MOST_ROWS:
-        click.echo(f"{counted(len(rows) - _MOST_ROWS, 'more row')}: write them all with --csv FILE")
+        click.echo(said_text("watch_more", number=len(rows) - _MOST_ROWS))
     for plc, since, until in watch.without_supply(begin, end):
-        click.echo(
-            f"{plc} had no supply from {seconds(since):.6f} to {seconds(until):.6f} s: its outputs are off"
-        )
+        click.echo(said_text("watch_off", plc=plc, since=seconds(since), until=seconds(until)))
     for plc, source, since, until in watch.stale:
         if until > begin:
-            when = f"from {seconds(since):.6f} to {seconds(until):.6f} s"
-            click.echo(f"{plc} worked on old data of {source}, received before one of them was away, {when}")
+            times = {"since": seconds(since), "until": seconds(until)}
+            click.echo(said_text("watch_old", plc=plc, source=source, **times))

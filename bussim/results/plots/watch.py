@@ -16,12 +16,14 @@ from bussim.results.plots.style import (
     PALETTE,
     SIMULATED,
     Picture,
+    drawn,
     finish_picture,
     new_picture,
     shorten,
     style,
 )
 from bussim.units import seconds
+from bussim.words.language import said_text
 
 #: Height of a bit's lane and of a word's axes, in inches; and where there are so many that the picture
 #: would become taller than the next figure.
@@ -47,6 +49,7 @@ def shown_devices(watched: Sequence[Watched]) -> int:
     return number
 
 
+@drawn
 def watch_picture(watch: Watch, begin: int, end: int, heading: str, about: str) -> Picture:
     """The devices of a watch from ``begin`` to ``end`` (ticks), in their order; neighbouring bits share axes.
 
@@ -55,7 +58,7 @@ def watch_picture(watch: Watch, begin: int, end: int, heading: str, about: str) 
     """
     number, among = shown_devices(watch.watched), len(watch.watched)
     if number < among:
-        heading = f"{heading} (the first {number} of {among})"
+        heading = said_text("plot_first_of", heading=heading, number=number, among=among)
     groups = _groups(watch.watched[:number])
     heights = _heights(groups, _LANE, _STEPS)
     if sum(heights) > _TALLEST:
@@ -78,9 +81,9 @@ def watch_picture(watch: Watch, begin: int, end: int, heading: str, about: str) 
             axes.tick_params(axis="x", labelbottom=False)
         if sum(heights) > _TALL:
             rows[0].tick_params(axis="x", top=True, labeltop=True)
-        rows[-1].set_xlabel("time of the run (s)")
+        rows[-1].set_xlabel(said_text("axis_run"))
         rows[-1].set_xlim(seconds(begin), seconds(end))
-        finish_picture(picture, heading, [Patch(label="without supply", **_SHADE)] * bool(spans))
+        finish_picture(picture, heading, [Patch(label=said_text("without_supply"), **_SHADE)] * bool(spans))
     return picture
 
 
