@@ -10,6 +10,7 @@ import click
 
 from bussim.commands.common.output import print_json
 from bussim.commands.common.scenario_options import code_option, set_option, values_of
+from bussim.errors import UsageError
 from bussim.wording import counted
 
 if TYPE_CHECKING:
@@ -52,6 +53,14 @@ _HEAD = 14
     metavar="DIR",
     help="Folder to write (default: sweeps/NAME, with a number if it is another's).",
 )
+@click.option(
+    "--longest",
+    metavar="H",
+    type=click.FloatRange(0, min_open=True),
+    default=24,
+    show_default=True,
+    help="Begin no sweep that would take more hours.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print means and confidence intervals as JSON.")
 @click.option("--force", is_flag=True, help="Replace the folder of another sweep, or run this one again.")
 @code_option
@@ -67,6 +76,7 @@ def command(
     seed: str | None,
     overrides: tuple[str, ...],
     out: str | None,
+    longest: float,
     as_json: bool,
     force: bool,
     allow_code: bool,
@@ -82,9 +92,18 @@ def command(
       --vary noise.0.ber=1e-6:1e-3:log7
       --vary plcs.press2.scan.mean=5ms,10ms,20ms
     """  # noqa: D301 - click keeps the lines of a paragraph that begins with this very character
-    from bussim.commands.common.progress import progress_bar
+    from bussim.commands.common.progress import WORTH_A_LINE, progress_bar, roughly
     from bussim.results.store.safe_names import file_name
     from bussim.sweep.run import sweep as run_sweep
+
+    def estimated(seconds: float) -> None:
+        if seconds > 3600 * longest:
+            raise UsageError(
+                f"the sweep would take about {roughly(seconds)}, allowed are {longest:,.6g} h: vary or "
+                "repeat less, shorten --duration, have more --workers, or raise --longest"
+            )
+        if seconds > WORTH_A_LINE:
+            click.echo(f"about {roughly(seconds)} in all", err=True)
 
     target = Path("sweeps") / file_name(Path(scenario).stem) if out is None else Path(out)
     try:
@@ -102,6 +121,7 @@ def command(
                 allow_code=allow_code,
                 numbered=out is None and not force,
                 progress=progress,
+                estimated=estimated,
             )
     except KeyboardInterrupt as error:
         raise type(error)("stopped: what was run is kept, the same command goes on from there") from None

@@ -44,6 +44,11 @@ class Executor(AbstractContextManager["Executor"], ABC):
     def __exit__(self, *_: object) -> None:
         """Let go of everything."""
 
+    @property
+    @abstractmethod
+    def workers(self) -> int:
+        """How many runs are simulated at once."""
+
     @abstractmethod
     def run(self, jobs: Sequence[Job]) -> Generator[Outcome]:
         """The outcome of every job, as they come.
@@ -64,6 +69,13 @@ class LocalExecutor(Executor):
             raise UsageError(f"--workers is {workers}, allowed is 1 or more")
         self._workers = workers
 
+    @property
+    def workers(self) -> int:
+        """See :class:`Executor`."""
+        import joblib
+
+        return self._workers or joblib.cpu_count()
+
     def run(self, jobs: Sequence[Job]) -> Generator[Outcome]:
         """See :class:`Executor`."""
         from multiprocessing import resource_tracker
@@ -72,7 +84,7 @@ class LocalExecutor(Executor):
         from joblib.externals.loky.backend import resource_tracker as loky_tracker
 
         pool = joblib.Parallel(
-            n_jobs=min(self._workers or joblib.cpu_count(), len(jobs)),
+            n_jobs=min(self.workers, len(jobs)),
             backend="loky",
             return_as="generator_unordered",
             idle_worker_timeout=_IDLE_SECONDS,
@@ -159,6 +171,11 @@ class DaskExecutor(Executor):
         """Give up what is not done, and leave the cluster as it was."""
         self._client.close(timeout=_CONNECT_SECONDS)
 
+    @property
+    def workers(self) -> int:
+        """See :class:`Executor`."""
+        return sum(self._client.nthreads().values())
+
     def run(self, jobs: Sequence[Job]) -> Generator[Outcome]:
         """See :class:`Executor`."""
         from distributed import KilledWorker
@@ -180,8 +197,7 @@ class DaskExecutor(Executor):
             return [client.submit(run_job, job, pure=False) for job in islice(jobs, count)]
 
         # Not all at once: a scheduler should not hold a hundred thousand jobs.
-        threads = sum(client.nthreads().values())
-        first = submit(max(_LEAST_WAITING, _WAITING_PER_THREAD * threads))
+        first = submit(max(_LEAST_WAITING, _WAITING_PER_THREAD * self.workers))
         pending: Any = as_completed(first, loop=client.loop)  # type: ignore[no-untyped-call] # distributed
         for future in pending:
             outcome: Outcome = future.result()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -98,13 +99,46 @@ def run_job(job: Job) -> Outcome:
         error = f"the worker has bussim {__version__}, the sweep is made by {job.version}; install the same"
         return Outcome(job.run, None, error)
     try:
-        scenario = _scenario(job.text, job.name, job.files, job.code, job.overrides)
-        if job.seed is not None:
-            scenario = replace(scenario, seed=job.seed)
+        scenario = _scenario_of(job)
         summary = api.run(scenario, rows=False).summary
         return Outcome(job.run, figures_of(summary, masters_of(scenario)))
     except (Exception, SystemExit) as error:
         return Outcome(job.run, None, f"{type(error).__name__}: {error}")
+
+
+class _EnoughError(Exception):
+    """A run was simulated long enough to tell its cost."""
+
+
+def cost_of(job: Job, patience: float) -> float:
+    """About how many seconds of a processor each simulated tick takes; 0 where the run fails.
+
+    The run is ended after ``patience`` seconds of a processor.
+    """
+    from bussim import api
+
+    begun, ticks = time.process_time(), 1
+
+    def watch(done: int, _: int) -> None:
+        nonlocal ticks
+        ticks = max(done, 1)
+        if time.process_time() - begun > patience:
+            raise _EnoughError
+
+    try:
+        scenario = _scenario_of(job)
+        api.run(scenario, rows=False, progress=watch)
+        ticks = scenario.duration
+    except _EnoughError:
+        pass
+    except (Exception, SystemExit):
+        return 0.0
+    return (time.process_time() - begun) / ticks
+
+
+def _scenario_of(job: Job) -> Scenario:
+    scenario = _scenario(job.text, job.name, job.files, job.code, job.overrides)
+    return scenario if job.seed is None else replace(scenario, seed=job.seed)
 
 
 def masters_of(scenario: Scenario) -> dict[str, str]:

@@ -139,16 +139,23 @@ class Plan:
             "source": self._source(),
         }
 
-    def check(self, progress: Callable[[int, int], None] | None = None) -> None:
-        """Examine the scenario of every point. Raises ScenarioError that names all bad points."""
+    def check(self, progress: Callable[[int, int], None] | None = None) -> int:
+        """Examine the scenario of every point, and return the ticks to simulate in all.
+
+        Raises ScenarioError that names all bad points.
+        """
         found: dict[Problem, list[Point]] = {}
+        ticks = 0
         for number, point in enumerate(self.points, 1):
-            for problem in self._template.examine(self._overrides(point)).errors:
+            examined = self._template.examine(self._overrides(point))
+            ticks += self.repeat * examined.scenario.duration if examined.scenario else 0
+            for problem in examined.errors:
                 found.setdefault(problem, []).append(point)
             if progress is not None:
                 progress(number, len(self.points))
         if found:
             raise ScenarioError(self._explained(found))
+        return ticks
 
     def _check_keys(self) -> None:
         """Every key must lead somewhere. Raises UsageError that names all that do not."""

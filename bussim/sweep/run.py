@@ -7,11 +7,13 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import closing
 from functools import partial
 from pathlib import Path
+from statistics import fmean
 
 from bussim.errors import RunError
 from bussim.scenario.yaml.overrides import Override
 from bussim.sweep.executors import Executor, WorkerLost, open_executor
 from bussim.sweep.folder import SweepFolder
+from bussim.sweep.jobs import cost_of
 from bussim.sweep.journal import Journal
 from bussim.sweep.plan import Plan
 from bussim.sweep.result import SweepResult
@@ -24,6 +26,8 @@ Progress = Callable[[str, int, int], None]
 
 #: How often jobs are given out again after a worker died, without a single outcome between.
 _MOST_DEATHS = 3
+#: Seconds of a run that tell what it costs.
+_TRIED_SECONDS = 0.25
 
 
 def sweep(
@@ -40,6 +44,7 @@ def sweep(
     numbered: bool = False,
     allow_code: bool = False,
     progress: Progress | None = None,
+    estimated: Callable[[float], None] | None = None,
 ) -> SweepResult:
     """Run a scenario at every point of a grid, ``repeat`` times with independent seeds.
 
@@ -55,6 +60,9 @@ def sweep(
     same call goes on after any interruption, and returns at once if the folder is whole. ``force``
     replaces another sweep's folder and makes a whole one again; with ``numbered`` the next free of
     ``out-2``, ``out-3`` is taken instead, see :attr:`SweepResult.folder`.
+
+    ``estimated`` is called before a new sweep begins, with about how many seconds it will take by pieces
+    of its first and its last run. What it raises ends the sweep, of which nothing is left.
 
     Functions of the user that the scenario names are loaded only with ``allow_code``, in every process
     that simulates: from the scenario's folder, the current one, or where Python finds its own.
@@ -76,13 +84,22 @@ def sweep(
         if folder.state != "whole":
             # What was begun was checked before it began.
             if folder.state == "new":
-                plan.check(None if progress is None else partial(progress, "checking"))
+                ticks = plan.check(None if progress is None else partial(progress, "checking"))
             with executor:
+                if folder.state == "new" and estimated is not None:
+                    estimated(ticks * _cost(plan) / min(executor.workers, plan.runs))
                 folder.begin()
                 before = len(folder.journal.done)
                 _run_missing(plan, folder.journal, executor, progress)
             folder.finish(partial(_write, plan, folder.journal))
         return SweepResult(plan, folder.target, already_there=before)
+
+
+def _cost(plan: Plan) -> float:
+    """About how many seconds each simulated tick takes."""
+    jobs = plan.job(0), plan.job(plan.runs - 1)
+    cost_of(jobs[0], 0)  # the very first run imports what it needs, which is no measure
+    return fmean(cost_of(job, _TRIED_SECONDS) for job in jobs)
 
 
 def _run_missing(plan: Plan, journal: Journal, executor: Executor, progress: Progress | None) -> None:

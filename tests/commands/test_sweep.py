@@ -177,6 +177,22 @@ def test_interrupted_from_the_keyboard(
     assert "5 runs at 5 points, 1 of them were there already" in capsys.readouterr().out
 
 
+def test_what_takes_long_is_said_before_it_begins_and_refused_beyond_a_bound(
+    here: Path, quick: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    del quick
+    arguments = ["sweep", "noisy.yaml", "--vary", "duration=10s,20s", "--repeat", "3", "--out", "o"]
+    monkeypatch.setattr(run, "cost_of", lambda *_: 100 / 72e6)  # 100 s for each simulated second
+    assert main([*arguments, "--longest", "2"]) == 2
+    assert capsys.readouterr().err == (
+        "Error: the sweep would take about 2.5 h, allowed are 2 h: vary or repeat less, shorten --duration, "
+        "have more --workers, or raise --longest\n"
+    )
+    assert names(here) == {"noisy.yaml"}
+    assert main([*arguments, "--longest", "3"]) == 0
+    assert capsys.readouterr().err == "about 2.5 h in all\n"
+
+
 class _Terminal(io.StringIO):
     def isatty(self) -> bool:
         return True

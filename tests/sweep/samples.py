@@ -52,6 +52,10 @@ class HereExecutor(Executor):
         self._real = real
         self.ran: list[int] = []
 
+    @property
+    def workers(self) -> int:
+        return 1
+
     def run(self, jobs: Sequence[Job]) -> Generator[Outcome]:
         shuffled = list(jobs)
         self._random.shuffle(shuffled)

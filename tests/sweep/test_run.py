@@ -17,6 +17,7 @@ from bussim.errors import RunError, ScenarioError, UsageError
 from bussim.sweep import executors, jobs, plots, run
 from bussim.sweep.executors import WorkerLost
 from bussim.sweep.folder import JOURNAL
+from bussim.sweep.plan import Plan
 from bussim.sweep.run import sweep as run_sweep
 from tests.sweep.samples import BER, REPEAT, RETRIES, VARY, HereExecutor, contents, invented, noisy
 
@@ -158,6 +159,20 @@ def test_a_run_that_fails_is_named_and_the_others_are_kept(
     )
     monkeypatch.setattr(run, "open_executor", lambda *_: HereExecutor(real=False))
     assert run_sweep(scenario, [f"{RETRIES}=0:2:1"], out=tmp_path / "out", repeat=2).already_there == 3
+
+
+def test_what_a_run_costs_is_told_from_a_piece_of_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = Plan(noisy(tmp_path), ["duration=400ms,300h"])
+    short, endless = plan.job(0), plan.job(1)
+    assert plan.check() == 72_000_000 * (0.4 + 300 * 3600)
+    assert 0 < jobs.cost_of(endless, 0.05) < 1e-6
+    assert 0 < jobs.cost_of(short, 60) < 1e-6
+
+    def leaves(*_: object, **__: object) -> None:
+        sys.exit(7)
+
+    monkeypatch.setattr("bussim.api.run", leaves)
+    assert jobs.cost_of(short, 60) == 0
 
 
 class _Dying(HereExecutor):

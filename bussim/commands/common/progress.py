@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _PATIENCE = 2.0
 #: Where there is no bar: the first line after so many seconds, the next after so many times what went by;
 #: time left that is worth a line, and that is given in hours.
-_FIRST_LINE, _RARER, _WORTH_A_LINE, _HOURS = 5.0, 3, 60.0, 5400.0
+_FIRST_LINE, _RARER, WORTH_A_LINE, _HOURS = 5.0, 3, 60.0, 5400.0
 
 
 @contextmanager
@@ -69,9 +69,13 @@ class _Lines:
             return
         self._next = now + _RARER * (now - self._begun)
         left = (now - self._begun) * (total - done) / (done - self._before)
-        if left > _WORTH_A_LINE:
-            whole = f"{ceil(left / 60):,} min" if left < _HOURS else f"{left / 3600:,.1f} h"
-            click.echo(f"{what}: {done / total:.1%} done, about {whole} left", err=True)
+        if left > WORTH_A_LINE:
+            click.echo(f"{what}: {done / total:.1%} done, about {roughly(left)} left", err=True)
+
+
+def roughly(seconds: float) -> str:
+    """A time in whole minutes, or in hours where it is long."""
+    return f"{ceil(seconds / 60):,} min" if seconds < _HOURS else f"{seconds / 3600:,.1f} h"
 
 
 @contextmanager
