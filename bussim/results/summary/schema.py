@@ -146,6 +146,6 @@ check_summary = _keys(
         "latency?": _by_name(_keys(_LATENCY)),
         "warnings": _TEXTS,
         "rests_on?": _keys({"links?": _by_name(_keys(_RESTS))}),
-        "verdict?": _list(_keys({"key text": _TEXT, "values": _OBJECT})),
+        "verdict?": _list(_keys({"key text": _TEXT, "values": _keys({"bus?": _TEXT})})),
     }
 )

@@ -47,6 +47,7 @@ def test_what_every_version_writes_is_accepted() -> None:
         (("links",), [], "links is a list, not an object"),
         (("rests_on",), {"links": {"link": {"text": 1}}}, "rests_on.links.link.inputs is missing"),
         (("verdict",), [{"key": "x"}], "verdict.0.text is missing"),
+        (("verdict",), [{"key": "x", "text": "y", "values": {"bus": []}}], "verdict.0.values.bus is a list"),
         (("warnings",), [3], "warnings.0 is 3, not a text"),
         (("latency", "door-to-press1", "ms", "mean"), [], "door-to-press1.ms.mean is a list, not a number"),
         (
