@@ -28,6 +28,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> Path:
     other = ["--set", "plcs.press1.nn.retries=2", "--seed", "8"]
     assert main([*press, str(folder / "other"), *other]) == 0
     assert main(["report", str(folder / "press"), "-o", str(folder / "one.html")]) == 0
+    assert main(["report", str(folder / "press"), "-o", str(folder / "chinese.html"), "--lang", "zh"]) == 0
     both = [str(folder / "press"), str(folder / "other")]
     assert main(["report", *both, "-o", str(folder / "two.html")]) == 0
     ports = ["run", "nn_with_modbus", "--duration", "10s", "--trace", "--out", str(folder / "ports")]
@@ -62,7 +63,7 @@ def assert_shows(text: str, value: Any, path: str) -> None:
         assert text == "–", path
     elif path.endswith("/bus_load") and text.endswith("%"):
         assert float(text.removesuffix("%")) == pytest.approx(100 * value, abs=0.0051), path
-    elif text in ("ON", "off"):
+    elif text in ("ON", "off", "OFF"):
         assert value == (text == "ON"), path
     elif re.fullmatch(r"/plcs/[^/]+/registers/D82(1[1-8])", path):
         assert int(text, 16) == value, path
@@ -79,6 +80,7 @@ def assert_shows(text: str, value: Any, path: str) -> None:
     ("page", "runs"),
     [
         ("one.html", ["press"]),
+        ("chinese.html", ["press"]),
         ("two.html", ["press", "other"]),
         ("ports.html", ["ports"]),
         ("latency.html", ["words", "slower"]),
@@ -360,3 +362,26 @@ plcs:
     assert window.find_element("tag name", "h1").text == f"{evil}: simulation report"
     assert window.execute_script("return document.images.length") == 0
     assert window.get_log("browser") == []
+
+
+def test_charts_of_a_chinese_page_say_nothing_in_english(pages: Path, window: Any) -> None:
+    window.get_log("browser")
+    show(window, pages / "chinese.html")
+    texts = window.execute_script(
+        """const plots = [...document.querySelectorAll("figure.chart")];
+        const over = plots.map((figure) => figure.querySelector(".u-over"));
+        const tips = over.map((each, number) => {
+          const box = each.getBoundingClientRect();
+          const at = { clientX: box.left + box.width / 2, clientY: box.top + box.height / 3, bubbles: true };
+          each.dispatchEvent(new MouseEvent("mouseenter", at));
+          each.dispatchEvent(new MouseEvent("mousemove", at));
+          return plots[number].querySelector(".tip").textContent;
+        });
+        return [...plots.map((figure) => figure.innerText), ...tips,
+          ...[...document.querySelectorAll(".tools button")].map((each) => each.getAttribute("aria-label"))];"""
+    )
+    assert len(texts) > 20
+    names = {"press", "link", "uPlot", "END", "PLC"}
+    assert {word for text in texts for word in re.findall("[A-Za-z]{3,}", text)} <= names
+    assert "显示全部" in texts[0]
+    assert not [each for each in window.get_log("browser") if each["level"] == "SEVERE"]
