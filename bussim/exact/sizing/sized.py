@@ -79,7 +79,8 @@ def size(
 
     ``scenario`` is given as such, as a file or by a built-in name; its faults are left out. ``goals`` are
     texts such as ``"errors<=1/y"`` and ``"dead<=400ms"``. ``responses`` are the longest response times that
-    were measured, in ms by master (``press1.COM3``, or a device): no timeout is shorter.
+    were measured, in ms by master (``press1.COM3``, or a device): no timeout is shorter. The D8179 and
+    D8180 that the links have do not matter: what is recommended to one holds for all of them.
 
     Raises ScenarioError or UsageError for a scenario that cannot be loaded or has nothing to size;
     UsageError for what is no goal, or one of what the scenario lacks, and for responses of
