@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from math import gcd
+from threading import Lock
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -244,23 +245,28 @@ _KEPT_BYTES = 1 << 26
 
 
 class _Kept:
-    """Offsets and values by code: those used last, as many as :data:`_KEPT_BYTES` hold."""
+    """Offsets and values by code: those used last, as many as :data:`_KEPT_BYTES` hold; for many threads."""
 
     def __init__(self) -> None:
         self._found: dict[int, tuple[float, Floats]] = {}
         self._bytes = 0
+        self._lock = Lock()
 
     def get(self, code: int) -> tuple[float, Floats] | None:
-        found = self._found.pop(code, None)
-        if found is not None:
-            self._found[code] = found  # dictionaries keep their order: what was used last stands last
-        return found
+        with self._lock:
+            found = self._found.pop(code, None)
+            if found is not None:
+                self._found[code] = found  # dictionaries keep their order: what was used last stands last
+            return found
 
     def keep(self, code: int, found: tuple[float, Floats]) -> None:
-        self._found[code] = found
-        self._bytes += found[1].nbytes
-        while self._bytes > _KEPT_BYTES and len(self._found) > 1:
-            self._bytes -= self._found.pop(next(iter(self._found)))[1].nbytes
+        with self._lock:
+            if code in self._found:  # another thread was faster
+                return
+            self._found[code] = found
+            self._bytes += found[1].nbytes
+            while self._bytes > _KEPT_BYTES and len(self._found) > 1:
+                self._bytes -= self._found.pop(next(iter(self._found)))[1].nbytes
 
 
 @lru_cache(maxsize=4)

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import sys
+import time
 from fractions import Fraction
 from itertools import product
 from math import comb, factorial
+from random import Random
+from threading import Thread
 
 import numpy as np
 import pytest
@@ -160,3 +164,33 @@ def test_what_is_kept_of_sums_is_bounded(monkeypatch: pytest.MonkeyPatch) -> Non
     grid = turnaround_sums._grid_of(tuple(TurnaroundSums(kinds)._kinds.items()))
     for store in (grid._sums, grid._tails, grid._excesses):
         assert sum(values.nbytes for _, values in store._found.values()) == store._bytes <= 1000
+
+
+def test_threads_may_keep_and_look_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    # As the figures and the recommendation of one link are worked out beside each other.
+    monkeypatch.setattr(turnaround_sums, "_KEPT_BYTES", 2_000)
+    store, failed = turnaround_sums._Kept(), []
+    before = sys.getswitchinterval()
+
+    def work(seed: int) -> None:
+        rng = Random(seed)
+        try:
+            for _ in range(3_000):
+                code = rng.randrange(60)
+                if store.get(code) is None:
+                    time.sleep(0)  # meanwhile another thread works the same out
+                    store.keep(code, (0.0, np.zeros(10)))
+        except (KeyError, RuntimeError) as error:
+            failed.append(error)
+
+    threads = [Thread(target=work, args=(seed,)) for seed in range(4)]
+    sys.setswitchinterval(1e-6)
+    try:
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    finally:
+        sys.setswitchinterval(before)
+    assert failed == []
+    assert sum(values.nbytes for _, values in store._found.values()) == store._bytes <= 2_000
