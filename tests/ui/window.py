@@ -38,8 +38,10 @@ class Seen:
         self.window.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
         self.window.get(self.address)
         if fresh:
+            self.settle()  # it keeps its line until then
             self.js("sessionStorage.clear()")
-        self.window.refresh()
+        self.window.get("about:blank")
+        self.window.get(self.address)
         self.settle()
 
     def js(self, script: str, *arguments: Any) -> Any:

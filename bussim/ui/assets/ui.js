@@ -4,6 +4,7 @@
   const get = (id) => document.getElementById(id);
   const token = location.hash.slice(1);
   const KEPT_IN_TAB = "bussim-line";
+  const GOALS = ["goal-errors", "goal-ride", "goal-dead", "goal-heartbeat"];
   let lang = payload.lang, limits = {}, n = 0, range = 0, runId = null, runOf = -1, ended = false;
   // What the user has: the file's text, and the fields that were changed since.
   let line = { text: "", name: "", id: null, hash: null, form: {}, bus: "", without: false, example: false };
@@ -13,7 +14,6 @@
   const fill = (text, values) => text.replace(/\{(\w+)\}/g, (_, name) => values[name] ?? "");
   const word = (key, values = {}) => fill(payload.words[lang][key], values);
   const has = (key) => key in payload.words[lang];
-  const all = (part) => part.replace(/0+$/, "").replace(/\.$/, "");
   const number = (value, most = 3) => value.toLocaleString("en", { maximumFractionDigits: most });
   // Rounded to the safe side: times and rates up, what passes down.
   const time = (value) => (value === null || value === undefined ? "–" : `${number(Math.ceil(value * 10 - 1e-6) / 10, 1)} ms`);
@@ -88,6 +88,7 @@
       if (error) return problems(error);
       law = found;
       checked = found.form;
+      if (line.fresh) { get("duration").value = String(checked.duration_s); line.fresh = false; }
       problems(null);
       showLaw();
     }),
@@ -288,7 +289,14 @@
     get(key).addEventListener("change", () => { range = 0; drawCharts(); });
   }
   get("profile").addEventListener("change", () => set({ profile: get("profile").value }));
-  get("bus").addEventListener("change", () => { line.bus = get("bus").value; line.form = {}; range = 0; refresh(); });
+  get("bus").addEventListener("change", async () => { // what was moved of the other link goes into the text
+    const bus = get("bus").value, found = await ask("edit", question()).catch(() => null);
+    if (!found) { get("bus").value = checked.bus; return; }
+    past.push(JSON.stringify(line));
+    Object.assign(line, { text: found.text, unsaved: dirty(), form: {}, bus });
+    range = 0;
+    refresh();
+  });
   get("name").addEventListener("input", () => set({ name: get("name").value }));
   for (const radio of document.querySelectorAll("input[name=noise]")) radio.addEventListener("change", () => {
     noiseKind = radio.value;
@@ -317,7 +325,7 @@
     if (button.dataset.reset === "noise") noiseKind = null;
     set({ [button.dataset.reset]: undefined, ...(button.dataset.reset === "scan" ? { scans: undefined } : {}) });
   });
-  for (const id of ["goal-errors", "goal-ride", "goal-dead", "goal-heartbeat"]) get(id).addEventListener("input", refresh);
+  for (const id of GOALS) get(id).addEventListener("input", refresh);
   get("without").addEventListener("change", () => { line.without = get("without").checked; refresh(); });
   get("undo").addEventListener("click", () => { line = JSON.parse(past.pop()); noiseKind = null; get("yaml").value = line.text; refresh(); showForm(); });
   // A wheel over a box would change its value by accident.
@@ -632,7 +640,7 @@
   toggled(get("open"), "opening");
   toggled(get("save"), "saving");
   const take = (found) => {
-    line = { text: found.text, name: found.name, id: found.id, hash: found.hash, form: {}, bus: "", without: false, example: found.name === "" };
+    line = { text: found.text, name: found.name, id: found.id, hash: found.hash, form: {}, bus: "", without: false, example: found.name === "", fresh: true };
     past = []; noiseKind = null; range = 0; kept = null; checked = null; run = null;
     get("forget").hidden = true;
     get("ran").hidden = get("opening").hidden = get("saving").hidden = true;
@@ -681,7 +689,9 @@
     const found = await ask("edit", question()).catch(() => null);
     if (found) { get("yaml").value = found.text; }
   });
-  const keepInTab = () => sessionStorage.setItem(KEPT_IN_TAB, JSON.stringify({ line, lang, goals: ["goal-errors", "goal-ride", "goal-dead", "goal-heartbeat"].map((id) => get(id).value) }));
+  const keepInTab = () => {
+    try { sessionStorage.setItem(KEPT_IN_TAB, JSON.stringify({ line, lang, goals: GOALS.map((id) => get(id).value) })); } catch { /* too large for a tab */ }
+  };
   get("quit").addEventListener("click", async () => {
     if (!mayLeave()) return;
     ended = true;
@@ -718,7 +728,7 @@
     const saved = JSON.parse(sessionStorage.getItem(KEPT_IN_TAB) ?? "null");
     if (saved) {
       ({ line, lang } = saved);
-      saved.goals.forEach((text, place) => { get(["goal-errors", "goal-ride", "goal-dead", "goal-heartbeat"][place]).value = text; });
+      saved.goals.forEach((text, place) => { get(GOALS[place]).value = text; });
       get("yaml").value = line.text;
       speak();
       refresh();
