@@ -241,8 +241,7 @@ def test_it_fits_is_named_and_loads_nothing_from_elsewhere(
         )
         assert not re.findall(r"[A-Za-z]{2,}", left)
         assert seen.js("return document.documentElement.lang") == "zh-Hans"
-        window.refresh()
-        seen.settle()
+        seen.load(width=width, fresh=False)
         assert "推荐" in seen.text("#verdict")
     own = address.partition("#")[0]
     loaded = seen.js("return performance.getEntriesByType('resource').map(e => e.name)")
