@@ -15,6 +15,7 @@ from bussim.line.characters import CharFormat, LineTiming
 from bussim.plc.errors import shown_at
 from bussim.plc.memory import Device, Memory, parse_device
 from bussim.units import TICKS_PER_MS
+from bussim.words.language import say
 
 #: How many words and bits a port has.
 WORDS: Final = 20
@@ -92,7 +93,7 @@ def decode_format(word: int) -> tuple[LineTiming, bool]:
         return DEFAULT_LINE, bool(word & _EIGHT_BIT)
     baud, parity = _BAUDS.get(word >> 4 & 0xF), _PARITIES.get(word >> 1 & 3)
     if baud is None or parity is None:
-        raise ValueError(f"the format word {word:04X}H names no {'rate' if baud is None else 'parity'}")
+        raise ValueError(say("port_no_rate" if baud is None else "port_no_parity", word=f"{word:04X}"))
     fmt = CharFormat(7 + (word & 1), parity, 1 + (word >> 3 & 1))
     return LineTiming(baud, fmt), bool(word & _EIGHT_BIT)
 
@@ -132,7 +133,7 @@ class BadSettings:
 def refusal(node: str, reason: str, code: int) -> str:
     """What a port does that refuses its words, as a sentence; ``code`` is what D8063 or D8438 shows."""
     device = shown_at(code)
-    return f"{node} refuses its parameters ({reason}): M{device} on, D{device} = {code}, and it is silent"
+    return say("port_refuses", node=node, reason=reason, device=device, code=code)
 
 
 def read_settings(port: str, memory: Memory, words: Device) -> PortSettings | BadSettings:
@@ -146,7 +147,7 @@ def read_settings(port: str, memory: Memory, words: Device) -> PortSettings | Ba
     values = [memory.word(words.letter, words.address + number) for number in range(TIMEOUT + 1)]
     word, with_rs = values[FORMAT], words == RS_WORDS
     if with_rs and not word:
-        return BadSettings(PortError.DATA, f"{port}: D8120, the format of RS, is 0")
+        return BadSettings(PortError.DATA, say("port_no_format", port=port))
     if with_rs:
         values[PROTOCOL] = PROTOCOL_CODES["free"]
         values[START] *= bool(word & _RS_START)
@@ -154,17 +155,18 @@ def read_settings(port: str, memory: Memory, words: Device) -> PortSettings | Ba
     code = values[PROTOCOL]
     protocol = _PROTOCOLS.get(code) if code else ("hmi" if port == "COM2" else None)
     if (code and protocol is None) or (protocol is not None and protocol not in PORT_PROTOCOLS[port]):
-        return BadSettings(PortError.DATA, f"{port} has no protocol {code:02X}H")
+        return BadSettings(PortError.DATA, say("port_lacks", port=port, code=f"{code:02X}"))
     station = memory.get(COM2_STATION) if port == "COM2" else values[STATION]
     if protocol is not None and protocol.endswith("-slave") and not FIRST_STATION <= station <= LAST_STATION:
-        text = f"{port} has the station number {station}, allowed {FIRST_STATION}..{LAST_STATION}"
+        allowed = f"{FIRST_STATION}..{LAST_STATION}"
+        text = say("port_number", port=port, number=station, allowed=allowed)
         return BadSettings(PortError.STATION, text)
     try:
         timing, eight_bit = decode_format(word)
     except ValueError as bad:
-        return BadSettings(PortError.DATA, f"{port}: {bad}")
+        return BadSettings(PortError.DATA, say("port_of", port=port, why=bad.args[0]))
     if protocol is not None and protocol.startswith("modbus-rtu") and timing.format.data_bits != 8:
-        return BadSettings(PortError.DATA, f"{port} has 7 data bits, RTU needs 8")
+        return BadSettings(PortError.DATA, say("port_seven_bits", port=port))
     return PortSettings(
         timing=timing,
         eight_bit=bool(memory.get(_RS_EIGHT_BIT)) if with_rs else eight_bit,

@@ -32,6 +32,7 @@ from bussim.plc.program.text.ladder import (
 )
 from bussim.plc.program.text.operand_checks import READ_ONLY_BITS, Extent, extents
 from bussim.scenario.model import Plc
+from bussim.words.language import say
 
 #: More devices than any letter has: R of an FX3U goes to R32767.
 _MARKS = 32768
@@ -150,10 +151,12 @@ class Network:
         """What a station shares with the others, in words."""
         block = self.block(plc, plc)
         if block is None:
-            return f"{plc.name} shares nothing"
-        bits = f"M{block.bit} to M{block.bit + block.bits - 1} and " if block.bits else ""
-        words = f"D{block.word} to D{block.word + block.words - 1}"
-        return f"in refresh mode {self.mode} {plc.name} shares {bits}{words}"
+            return say("path_shares_nothing", plc=plc.name)
+        span = say("path_range", first=f"D{block.word}", last=f"D{block.word + block.words - 1}")
+        blocks = [span]
+        if block.bits:
+            blocks.insert(0, say("path_range", first=f"M{block.bit}", last=f"M{block.bit + block.bits - 1}"))
+        return say("path_shares", mode=self.mode, plc=plc.name, blocks=blocks)
 
     def reached(self, source: Plc, start: Device, *, specials: bool = False) -> dict[str, Marks]:
         """All that a device may reach over the blocks of all stations, by PLC.

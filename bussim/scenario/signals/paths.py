@@ -26,6 +26,7 @@ from bussim.scenario.signals.network import (
     Reachability,
     vague_instructions,
 )
+from bussim.words.language import say
 
 #: Always on and always off (FX programming manual).
 _ALWAYS = (Device("M", 8000), Device("M", 8001))
@@ -93,22 +94,26 @@ def _signal_path(network: Network, entry: Latency, bus: str | None) -> SignalPat
     source, target = (network.plcs[position] for position in positions)
     start, end = (parse_device(name, observed=True) for name in (entry.source, entry.target))
     reachability = network.reachability(source, start, target, end)
-    ends = f"from {entry.source_plc}.{entry.source} to {entry.target_plc}.{entry.target}"
+    ends = {
+        "start": f"{entry.source_plc}.{entry.source}",
+        "end": f"{entry.target_plc}.{entry.target}",
+    }
     reason, scans, gates = "", (0, 0), dict[int, list[str]]()
     match reachability:
         case Reachability.NONE:
-            reason = f"nothing leads {ends}"
+            reason = say("path_none", **ends)
             if source is not target:
-                reason += f": no program does, and {network.shared(source)}"
+                reason = say("path_none_shared", **ends, shared=network.shared(source))
         case Reachability.UNKNOWN:
-            reason = f"no program's text says what leads {ends}"
+            reason = say("path_unknown", **ends)
         case Reachability.DIRECT:
             try:
                 search = _PathSearch(network, source, start, target)
                 for wanted in (0, 1):
                     level, scans, gates[level] = search.back(end, wanted)
             except NotPlainError as error:
-                reason = f"no age is measured {ends}: {error}" if start.is_word else str(error)
+                why = error.args[0]
+                reason = say("path_no_age", **ends, why=why) if start.is_word else why
         case _:
             assert_never(reachability)
     block = network.block(source, target)
@@ -146,7 +151,7 @@ class _PathSearch:
         scans, gates, passed = [0, 0], list[str](), set[tuple[str, Device]]()
         while (plc, device) != (self._source, self._start):
             if (plc.name, device) in passed:
-                raise NotPlainError(f"{device} acts on itself ({plc.name})")
+                raise NotPlainError(say("path_itself", device=str(device), plc=plc.name))
             passed.add((plc.name, device))
             sent = self._sent(device) if plc is not self._source else None
             if sent is not None:
@@ -163,8 +168,8 @@ class _PathSearch:
             gates = [*self._gates(plc, more), *gates]
         scans[0] += self._first_scan(reader)
         if end.is_word and (gates or any(scans)):
-            why = f"{', '.join(gates)} must let it through" if gates else "it takes more than one scan"
-            raise NotPlainError(f"{end} is no copy that each scan makes: {why}")
+            why = say("path_gates", gates=", ".join(gates)) if gates else say("path_scans")
+            raise NotPlainError(say("path_no_copy", device=str(end), why=why))
         return level, (scans[0], scans[1]), list(dict.fromkeys(gates))
 
     def _sent(self, device: Device) -> Device | None:
@@ -188,18 +193,18 @@ class _PathSearch:
         """The only instruction that writes a device, with its condition."""
         found = self._writers(plc, device)
         if not found:
-            by = "another station" if self._linked(plc, device) else "nothing"
-            raise NotPlainError(f"{by} writes {device} ({plc.name})")
+            key = "path_other_writes" if self._linked(plc, device) else "path_nothing_writes"
+            raise NotPlainError(say(key, device=str(device), plc=plc.name))
         self._only(plc, device, 1, link=self._linked(plc, device))
         return found[0]
 
     def _only(self, plc: Plc, device: Device, most: int, *, link: bool = False) -> None:
         """Refuse a device that more than so many instructions write, or a source, or as well the link."""
         others = [_words(at) for at, _ in self._writers(plc, device)[most:]]
-        others += ["a source of the scenario"] if str(device) in plc.sources else []
-        others += ["the link"] if link else []
+        others += [say("path_source")] if str(device) in plc.sources else []
+        others += [say("path_link")] if link else []
         if others:
-            raise NotPlainError(f"{others[0]} writes {device} too ({plc.name})")
+            raise NotPlainError(say("path_writes_too", by=others[0], device=str(device), plc=plc.name))
 
     def _linked(self, plc: Plc, device: Device) -> bool:
         """Whether the link writes a device: it is in the block of another station."""
@@ -235,9 +240,8 @@ class _PathSearch:
                     sides = [condition.first, condition.second]
                     follows = [self._depends(plc, side) for side in sides]
                     if all(follows):
-                        raise NotPlainError(
-                            f"several contacts of {_words(at)} depend on {self._start} ({plc.name})"
-                        )
+                        names = {"at": _words(at), "device": str(self._start), "plc": plc.name}
+                        raise NotPlainError(say("path_several", **names))
                     if level == isinstance(condition, Both):
                         gates.append(sides[follows[0]])
                     condition = sides[follows[1]]
@@ -275,12 +279,14 @@ class _PathSearch:
         if not self._start.is_word and (beside or not later):
             later.add(1)
         if len(later) > 1:
-            raise NotPlainError(f"{self._start} is read between those that write it ({self._source.name})")
+            names = {"device": str(self._start), "plc": self._source.name}
+            raise NotPlainError(say("path_between", **names))
         return sum(later)
 
 
 def _words(at: Instruction) -> str:
-    return " ".join((at.name, *(operand.text for operand in at.operands), f"at line {at.line}"))
+    code = " ".join((at.name, *(operand.text for operand in at.operands)))
+    return say("path_at_line", code=code, line=at.line)
 
 
 def _is_plain(at: Instruction) -> bool:
@@ -290,4 +296,4 @@ def _is_plain(at: Instruction) -> bool:
 
 
 def _refused(plc: Plc, at: Instruction) -> NotPlainError:
-    return NotPlainError(f"{_words(at)} is no plain contact, coil or move ({plc.name})")
+    return NotPlainError(say("path_not_plain", at=_words(at), plc=plc.name))
