@@ -126,7 +126,9 @@ class Figures:
             "station_error_per_year": {str(k): p for k, p in self.error_per_year.items()},
             "false_errors_per_year": self.errors_per_year,
             "false_error_onsets_per_year": self.onsets_per_year,
-            "years_between_false_errors": 1 / self.onsets_per_year if self.onsets_per_year else None,
+            "years_between_false_errors": 1 / max(self.onsets_per_year, 1e-300)
+            if self.onsets_per_year
+            else None,
             "maximum_ms": {key: in_ms(x) for key, x in self.maximum.items()},
             "mission_s": None if self.mission is None else self.mission / TICKS_PER_SECOND,
             "ride_through_ms": {"silence": in_ms(self.silence), "corruption": in_ms(self.corruption)},

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from decimal import ROUND_FLOOR, Decimal
 
 from bussim.units import TICKS_PER_MS
 from bussim.wording import about
@@ -39,12 +40,8 @@ def at_least(value: float, digits: int = 2) -> float:
     """A figure rounded down to so many significant digits."""
     if value == 0 or not math.isfinite(value):
         return value
-    step = digits - 1 - math.floor(math.log10(abs(value)))
-    # Through text, as 0.3 times 10 is not quite 3; a figure that has no more digits stays.
-    if float(f"{value:.{digits - 1}e}") == value:
-        return value
-    rounded = float(f"{math.floor(value * 10.0**step)}e{-step}")
-    return rounded if rounded <= value else float(f"{math.floor(value * 10.0**step) - 1}e{-step}")
+    written = Decimal(repr(float(value)))  # as 0.3 times 10 is not quite 3
+    return float(written.quantize(Decimal(1).scaleb(written.adjusted() - digits + 1), ROUND_FLOOR))
 
 
 def a_year(per_year: float, goal: float = math.inf) -> str:
@@ -71,7 +68,7 @@ def ms_at_least(ticks: float) -> str:
 
 def one_in(probability: float) -> str:
     """The N of "1 in N", rounded down to two digits: it happens at least as seldom as is said."""
-    count = at_least(float(f"{1 / probability:.12g}"))
+    count = at_least(float(f"{1 / max(probability, 1e-300):.12g}"))
     return f"{count:,.0f}" if 10 <= count < 1e15 else about(count)
 
 

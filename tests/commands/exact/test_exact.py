@@ -333,6 +333,13 @@ def test_a_deaf_slave_has_valid_json() -> None:
     assert found["links"]["link"]["refresh_gap_ms"]["crane->hoist"]["mean"] is None
 
 
+def test_noise_beyond_all_measure_is_worked_out() -> None:
+    rare = "noise=[{bus: link, reply_loss: 5e-324}]"
+    assert invoke(exact, "two_stations", "--set", rare, "--set", "plcs.press.nn.retries=1").exit_code == 0
+    found = link(exact, "two_stations", "--set", rare, "--set", "plcs.press.nn.retries=0")
+    assert found["years_between_false_errors"] == pytest.approx(1e300)
+
+
 def test_a_flag_that_is_always_on_is_no_lack_of_errors() -> None:
     result = invoke(exact, "two_stations", "--set", "noise=[{bus: link, station: feeder, reply_loss: 1}]")
     assert "with the noise as entered the error flag of feeder is always on" in result.stdout

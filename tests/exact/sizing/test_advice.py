@@ -20,7 +20,7 @@ from bussim.exact.sizing.goals import OUTAGE, Goals
 from bussim.exact.sizing.grid import evaluate
 from bussim.exact.sizing.noise_levels import scaled_noise, weaker_bursts
 from bussim.exact.sizing.size import size
-from bussim.exact.text import a_year, at_least, at_most, ms_at_least, ms_at_most
+from bussim.exact.text import a_year, at_least, at_most, ms_at_least, ms_at_most, one_in
 from bussim.plc.profiles import AbsentStation
 from tests.exact.links import FULL, MS, PROBE, link, with_burst
 from tests.exact.sizing.draws import goal_texts, goals_of, links, noisy, with_rate
@@ -178,6 +178,12 @@ def test_rounding_is_to_the_safe_side(value: float, digits: int) -> None:
     assert up - down <= value * 10.0 ** (1 - digits) * 1.001
     assert float(f"{up:.{digits - 1}e}") == up
     assert float(a_year(value).replace(",", "")) >= value * (1 - 1e-12)
+
+
+@pytest.mark.parametrize("value", [5e-324, 1e-310, 1e-300, 1e300])
+def test_figures_at_the_ends_of_floats_are_rounded(value: float) -> None:
+    assert at_least(value) <= value <= at_most(value)
+    assert "inf" not in one_in(min(value, 1.0)) + a_year(value)
 
 
 @given(st.integers(0, 10**12), st.floats(0, 1))
