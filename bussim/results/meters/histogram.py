@@ -48,10 +48,7 @@ class Histogram:
         self.bins[position] = self.bins.get(position, 0) + 1  # a missing key of a Counter costs a call
         self.count += 1
         self.total += ticks
-        if self.minimum is None or ticks < self.minimum:
-            self.minimum = ticks
-        if self.maximum is None or ticks > self.maximum:
-            self.maximum = ticks
+        self._extend(ticks, ticks)
 
     def add_all(self, times: Sequence[int]) -> None:
         """Count many times (ticks) once each, faster than one by one."""

@@ -38,14 +38,8 @@ class LinkBus(Line):
         self.block_path = BlockPath(self, kernel)
         self._kernel = kernel
         self._deadlines = kernel.timer(self._on_deadlines, DEADLINES)
-        self._others = 0
         #: How long a data frame lasts, in ticks; 0 on a link without a working master.
         self.block_time = 0
-
-    def connect(self, nodes: Sequence[LinkStation]) -> None:
-        """See the base class."""
-        super().connect(nodes)
-        self._others = len(nodes) - 1
 
     @property
     def plc_names(self) -> tuple[str, ...]:
@@ -144,7 +138,7 @@ class LinkBus(Line):
             else:
                 missed.append(port.position)
             port.handle(hints, now)
-        if took == self._others:
+        if took == len(self.ports) - 1:
             self.block_history.received(frame.station, now, frame.data)
             self.sink.refreshed(self.name, sender.position, now, None)
         elif took:

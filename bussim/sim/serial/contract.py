@@ -12,7 +12,6 @@ from collections.abc import Callable, Collection
 from typing import NamedTuple
 
 from bussim.engines.free.events import FreeEvent
-from bussim.engines.modbus.adu import Adu
 from bussim.engines.modbus.events import FrameRejected, MasterEvent, PollEvent, SlaveEvent
 from bussim.sim.wire.node import Node
 
@@ -105,21 +104,6 @@ class SerialStation(Node):
     rejected: FrameRejected | None = None
     #: Those of its bus.
     replies: Replies
-
-    #: Most ticks that are added to a reply's delay at random.
-    longest_delay = 0
-
-    @abstractmethod
-    def reply_at(self, at: int) -> int:
-        """When a reply begins that its engine has ready at a tick: a draw for each reply."""
-
-    @abstractmethod
-    def replied(self, counter: int, begun: int, end: int, chars: int) -> None:
-        """A reply of so many characters begins that is over at ``end``; ``counter`` is its engine's."""
-
-    @abstractmethod
-    def await_outcome(self, response: Adu, start: int, end: int, now: int) -> None:
-        """It receives a whole response from ``start`` to ``end``, and knows at ``now`` that it is over."""
 
     @abstractmethod
     def resume_reception(self) -> None:

@@ -143,7 +143,7 @@ class SerialNode(SerialStation):
         super().schedule(self.reply_at(at) if self.kind == "response" else at, counter)
 
     def reply_at(self, at: int) -> int:
-        """See the base class."""
+        """When a reply begins that its engine has ready at a tick: one draw for each reply."""
         at += self.extra_turnaround
         return at if self._delays is None else at + int(next(self._delays) * (self.longest_delay + 1))
 
@@ -172,14 +172,14 @@ class SerialNode(SerialStation):
             self.replied(counter, now, self.sending.end, len(frame.chars))
 
     def replied(self, counter: int, begun: int, end: int, chars: int) -> None:
-        """See the base class."""
+        """A reply of so many characters begins that is over at ``end``; ``counter`` is its engine's."""
         asked = self._served.pop(counter, None)
         if asked is not None:
             self.bus.replies.replied(Reply(begun, end, *asked, chars))
         self.reporter.replied(self)
 
     def await_outcome(self, response: Adu, start: int, end: int, now: int) -> None:
-        """See the base class."""
+        """It receives a whole response from ``start`` to ``end``, and knows at ``now`` that it is over."""
         self._response = response, start, end
         self._outcome_timer.set(now)
 

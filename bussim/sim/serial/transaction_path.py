@@ -8,19 +8,19 @@ there. A run has the same results to the last byte with and without, which a tes
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 from bussim.engines.contract import Transmit
 from bussim.engines.modbus.adu import Adu, Mode
 from bussim.engines.modbus.master import Master
 from bussim.engines.modbus.polling import PollingMaster
 from bussim.engines.modbus.slave import Slave
-from bussim.sim.serial.contract import SerialStation
 from bussim.sim.wire.contract import Transmission
 
 if TYPE_CHECKING:
     from bussim.sim.kernel import Kernel
     from bussim.sim.serial.bus import SerialBus
+    from bussim.sim.serial.node import SerialNode
 
 
 class _Exchange(NamedTuple):
@@ -29,7 +29,7 @@ class _Exchange(NamedTuple):
     Times in ticks: the silences behind request and response, and the longest one from the request's end on.
     """
 
-    slave: SerialStation
+    slave: SerialNode
     others: list[Slave]
     served: int
     closing: int
@@ -48,7 +48,7 @@ class TransactionPath:
         """Some node receives or sends otherwise than before."""
         self._exchanges.clear()
 
-    def pass_transaction(self, node: SerialStation, request: Adu, now: int, kernel: Kernel) -> bool:
+    def pass_transaction(self, node: SerialNode, request: Adu, now: int, kernel: Kernel) -> bool:
         """Do the transaction whose request leaves now, up to its outcome; False: nothing was done."""
         bus, key = self._bus, (node.position, request.station)
         if not bus.at_once or bus.sink.traced or not bus.undisturbed:
@@ -87,11 +87,11 @@ class TransactionPath:
         node.await_outcome(response, begun, end, end + closing)
         return True
 
-    def _exchange(self, node: SerialStation, station: int) -> _Exchange | None:
+    def _exchange(self, node: SerialNode, station: int) -> _Exchange | None:
         """How a master's transactions with a station go, None where they do not go at once."""
         bus = self._bus
         whole, single = bus.listeners_of(node)
-        slaves = [bus.ports[port.position] for port, _ in whole]
+        slaves = [cast("SerialNode", port) for port, _ in whole]
         asked = [slave for slave in slaves if station in slave.stations]
         if (
             single
@@ -111,6 +111,6 @@ class TransactionPath:
         return _Exchange(slave, engines, served, _silence(node), least + slave.longest_delay)
 
 
-def _silence(node: SerialStation) -> int:
+def _silence(node: SerialNode) -> int:
     """The silence behind a whole frame that a node waits for, in ticks."""
     return node.quiet(node.timing) if node.engine.config.framing.mode is Mode.RTU else 0

@@ -19,9 +19,6 @@ from bussim.sim.wire.contract import LineNode
 from bussim.sim.wire.line import Line
 from bussim.sim.wire.receiver import Receiver
 
-# The hints that a node acts on. In the ordinary case a frame calls for one in reply, and for nothing else.
-_ASKED = TRANSMIT | DEADLINE | OPEN | EVENTS
-
 
 class Node(LineNode):
     """One position of a line, in cable order from 0; ``name`` is unique in the scenario."""
@@ -107,10 +104,6 @@ class Node(LineNode):
         """See the base class."""
         engine = self.engine
         if engine is None:
-            return
-        if hints & _ASKED == TRANSMIT and engine.due >= 0:
-            at, engine.due = engine.due, -1
-            self.schedule(at, engine.due_counter)
             return
         if hints & OPEN:
             self.receiver.hold(now)
