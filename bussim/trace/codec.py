@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from functools import cache
+from operator import itemgetter
 from typing import Any, NamedTuple, TypeVar, get_args, get_type_hints
 
 from bussim.line.characters import CharFormat
@@ -191,6 +192,50 @@ _WRITTEN = {
     ]
     for record, fields in _FIELDS.items()
 }
+
+
+#: The fields of the most frequent records that differ from line to line while the rest of them recurs.
+_VARYING: dict[type[Record], tuple[str, ...]] = {
+    records.FrameRecord: ("start", "end"),
+    records.AttemptRecord: ("start", "end", "station", "turnaround"),
+    records.ScanRecord: ("start", "number", "duration"),
+}
+#: Of such a record: those fields in the order in which they are written, and the rest (without a dict).
+_PARTS = {
+    kind: (
+        itemgetter(*(at for _, at, _ in _WRITTEN[kind] if kind._fields[at] in names)),
+        itemgetter(*(at for at, name in enumerate(kind._fields) if name not in (*names, "damaged_at"))),
+    )
+    for kind, names in _VARYING.items()
+}
+
+
+class LineTexts:
+    """Lines as texts, without a dict and an encoder where all but some numbers has come before."""
+
+    def __init__(self, encode: Callable[[Line], str], buses: Mapping[str, TraceBus]) -> None:
+        self._encode = encode
+        self._buses = buses
+        self._templates: dict[tuple[Any, ...], str] = {}
+
+    def of(self, record: Record) -> str:
+        """The text of a record's line."""
+        kind, templates = type(record), self._templates
+        varying, others = _PARTS.get(kind, (None, None))
+        numbers = varying(record) if varying else (None,)
+        if others is None or None in numbers or getattr(record, "damaged_at", None):
+            return self._encode(to_line(record, self._buses))
+        rest = (kind, *others(record))
+        if rest not in templates:
+            if len(templates) >= 4096:  # blocks have ever new contents
+                templates.clear()
+            keys = [key for key, at, _ in _WRITTEN[kind] if kind._fields[at] in _VARYING[kind]]
+            line = to_line(record, self._buses) | dict.fromkeys(keys, "\0")
+            text = self._encode(line).replace("%", "%%")
+            for key in keys:
+                text = text.replace(f'"{key}":"\\u0000"', f'"{key}":%d')
+            templates[rest] = text
+        return templates[rest] % numbers
 
 
 def type_of(record: type[Record]) -> str:

@@ -22,7 +22,7 @@ from typing import Any, TextIO, TypeVar, assert_never, cast
 
 from bussim.errors import UsageError
 from bussim.files import INCOMPLETE, plain, reading
-from bussim.trace.codec import Line, from_line, header_line, header_of, to_line, type_of
+from bussim.trace.codec import Line, LineTexts, from_line, header_line, header_of, type_of
 from bussim.trace.records import (
     AttemptRecord,
     CycleRecord,
@@ -65,12 +65,12 @@ class TraceWriter:
 
     def __init__(self, file: TextIO, header: TraceHeader) -> None:
         self._file = file
-        self._buses = {bus.name: bus for bus in header.buses}
-        self._line(header_line(header))
+        self._texts = LineTexts(_encode, {bus.name: bus for bus in header.buses})
+        file.write(_encode(header_line(header)) + "\n")
 
     def write(self, record: Record) -> None:
         """Write a record."""
-        self._line(to_line(record, self._buses))
+        self._file.write(self._texts.of(record) + "\n")
 
     def flush(self) -> None:
         """Hand what was written to the system."""
@@ -79,9 +79,6 @@ class TraceWriter:
     def close(self) -> None:
         """Finish the file."""
         self._file.close()
-
-    def _line(self, line: Line) -> None:
-        self._file.write(_encode(line) + "\n")
 
 
 class Trace:

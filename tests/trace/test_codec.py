@@ -7,9 +7,9 @@ from typing import Any, get_args
 import pytest
 
 from bussim.errors import UsageError
-from bussim.trace.codec import from_line, header_line, header_of, to_line, type_of
+from bussim.trace.codec import LineTexts, from_line, header_line, header_of, to_line, type_of
 from bussim.trace.file import TRACE, read_trace
-from bussim.trace.records import FrameRecord, PollRecord, Record, ScanRecord, TraceHeader
+from bussim.trace.records import AttemptRecord, FrameRecord, PollRecord, Record, ScanRecord, TraceHeader
 
 #: Folders of runs that were written by bussim 0.1.0 and stay as they are.
 STORED = Path(__file__).parents[1] / "results" / "stored"
@@ -38,6 +38,37 @@ def test_a_trace_of_an_earlier_version_is_read_and_keeps_its_keys(run: str) -> N
         assert again.items() >= line.items()
         known = [key for key in again if key in line]
         assert known == list(line)  # in their order
+
+
+def _encoded(line: dict[str, Any]) -> str:
+    return json.dumps(line, ensure_ascii=False, separators=(",", ":"))
+
+
+@pytest.mark.parametrize("run", RUNS)
+def test_texts_of_lines_are_those_of_their_objects(run: str) -> None:
+    trace = read_trace(STORED / run)
+    buses = {bus.name: bus for bus in trace.header.buses}
+    texts = LineTexts(_encoded, buses)
+    names = ('50 % "of" %d\\', "\0", "\u7ebf")
+    for number, record in enumerate(trace):
+        name = "plc" if "plc" in record._fields else "bus" if "bus" in record._fields else "where"
+        for each in (record, record._replace(**{name: names[number % 3]})):
+            assert texts.of(each) == _encoded(to_line(each, buses))
+
+
+def test_recurring_lines_differ_in_their_numbers_alone() -> None:
+    texts, scan = LineTexts(_encoded, {}), ScanRecord("link", 0, 7, 3, 1, 0, 0, "")
+    attempt = AttemptRecord("link", 1, 2, 3, 1, "ok", 0, 5)
+    frame = FrameRecord("link", 5, 9, "p0", "data", 0, 1, b"ab", (), {}, collided=False, cut=False)
+    for record in (scan, attempt, frame, attempt._replace(turnaround=None)):
+        for changes in ({}, {"start": 11}, {"start": 2**60}, {"bus": "other"}):
+            changed = record._replace(**changes)
+            assert texts.of(changed) == _encoded(to_line(changed, {}))
+    damaged = frame._replace(damaged_at={"p1": (3,)}, pauses=((1, 20),), released=30)
+    assert texts.of(damaged) == _encoded(to_line(damaged, {}))
+    for number in range(10_000):  # as many as are kept, and more
+        image = frame._replace(chars=number.to_bytes(2, "big"), start=number)
+        assert texts.of(image) == _encoded(to_line(image, {}))
 
 
 @pytest.mark.parametrize("record", RECORDS, ids=type_of)

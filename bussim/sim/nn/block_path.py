@@ -62,7 +62,7 @@ class BlockPath:
         stations = self._in_step(port, master)
         if stations is None:
             return False
-        bus.unwatch()
+        bus.deadlines.cancel()  # to learn what else comes next
         parts = [] if stations.reading else [part.timers for part in bus.parts if part.is_independent]
         timers = set(chain.from_iterable(parts))
         until = min(kernel.next(timers), bus.disturber.calm_until(now))

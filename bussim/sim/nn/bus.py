@@ -37,7 +37,9 @@ class LinkBus(Line):
         self.block_history = BlockHistory()
         self.block_path = BlockPath(self, kernel)
         self._kernel = kernel
-        self._deadlines = kernel.timer(self._on_deadlines, DEADLINES)
+        #: Deadlines move with nearly every frame, nearly always to a later tick: it may fire early, and is
+        #: then set again. There is one for all ports, so that those of one tick come in cable order.
+        self.deadlines = kernel.timer(self._on_deadlines, DEADLINES)
         #: How long a data frame lasts, in ticks; 0 on a link without a working master.
         self.block_time = 0
 
@@ -53,22 +55,8 @@ class LinkBus(Line):
 
     # -- deadlines ---------------------------------------------------------------------------------
 
-    def watch(self, deadline: int) -> None:
-        """Some port's engine has a deadline.
-
-        Deadlines move with nearly every frame, nearly always to a later tick: the timer may fire early and
-        is then set again. There is one for all ports, so that those of one tick come in cable order.
-        """
-        timer = self._deadlines
-        if timer.at < 0 or deadline < timer.at:
-            timer.set(deadline)
-
-    def unwatch(self) -> None:
-        """Disarm the timer, to learn what else comes next; :meth:`rewatch` arms it again."""
-        self._deadlines.cancel()
-
     def rewatch(self) -> None:
-        """Arm the timer for the earliest deadline."""
+        """Arm the timer for the earliest deadline, after it was cancelled or has fired."""
         for port in self.ports:
             port.arm_deadline()
 
@@ -105,7 +93,7 @@ class LinkBus(Line):
         others = self.listeners_of(tx.sender)[1] or any(port.engine.unfinished for port in ports)
         ahead = self.in_blocks and not (busy or others)
         if ahead:
-            self.unwatch()
+            self.deadlines.cancel()
             self.rewatch()
             until = min(self._kernel.next(), tx.end)
         super()._deliver_by_character(tx, ports, now)

@@ -72,10 +72,11 @@ class LinkPort(LinkStation):
     # -- what the engine asks for ------------------------------------------------------------------
 
     def arm_deadline(self) -> None:
-        """Have the bus's timer watch over the engine's deadline."""
+        """See the base class; the timer is the bus's."""
         at = self.engine.deadline() if self.engine is not None else None
-        if at is not None:
-            self.bus.watch(max(at, self._kernel.now))
+        timer = self.bus.deadlines
+        if at is not None and (timer.at < 0 or at < timer.at):
+            timer.set(max(at, self._kernel.now))
 
     def meet_deadline(self, now: int) -> None:
         """See the base class."""
@@ -109,7 +110,7 @@ class LinkPort(LinkStation):
         counter = pending.pop(0)[2]
         if self._waits:
             self._waits.remove(next(wait for wait in self._waits if wait[1] == counter))
-        if self.is_master and bus.block_path.pass_scans(self, now):
+        if self.is_master and engine.wants_image and bus.block_path.pass_scans(self, now):
             return
         if pending:
             self._start_timer.set(max(pending[0][0], now))

@@ -185,7 +185,8 @@ class Node(LineNode):
         line = self.line
         if self.receiver.is_open:
             self.receiver.close()
-        self.release(now)
+        if self.tail is not None:
+            self.release(now)
         self.sending = tx = line.begin(self, frame, now)
         self._end_timer.set(tx.end)
 
