@@ -47,7 +47,7 @@ class SerialBus(Line):
     def listeners_changed(self) -> None:
         """See the line."""
         super().listeners_changed()
-        self.transaction_path.forget()
+        self.transaction_path.exchanges.clear()
 
     # -- frames ------------------------------------------------------------------------------------
 

@@ -41,21 +41,17 @@ class TransactionPath:
 
     def __init__(self, bus: SerialBus) -> None:
         self._bus = bus
-        # By the master's position and the station that is asked; None: not at once.
-        self._exchanges: dict[tuple[int, int], _Exchange | None] = {}
-
-    def forget(self) -> None:
-        """Some node receives or sends otherwise than before."""
-        self._exchanges.clear()
+        #: By the master's position and the station that is asked, until listeners change; None: not at once.
+        self.exchanges: dict[tuple[int, int], _Exchange | None] = {}
 
     def pass_transaction(self, node: SerialNode, request: Adu, now: int, kernel: Kernel) -> bool:
         """Do the transaction whose request leaves now, up to its outcome; False: nothing was done."""
         bus, key = self._bus, (node.position, request.station)
         if not bus.at_once or bus.sink.traced or not bus.undisturbed:
             return False
-        if key not in self._exchanges:
-            self._exchanges[key] = self._exchange(node, request.station)
-        exchange = self._exchanges[key]
+        if key not in self.exchanges:
+            self.exchanges[key] = self._exchange(node, request.station)
+        exchange = self.exchanges[key]
         if exchange is None:
             return False
         slave, others, served, closing, longest = exchange
