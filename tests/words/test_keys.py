@@ -5,8 +5,9 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
-from functools import cache
 from pathlib import Path
+
+import pytest
 
 import bussim
 from bussim.report.settings import SETTINGS
@@ -15,8 +16,6 @@ from bussim.scenario.provenance import FIGURES, link_inputs
 from bussim.words.tables import PAGES, entries, keys_of
 
 _ROOT = Path(bussim.__file__).parent
-#: Functions whose first argument is a key.
-_SAYING = {"say", "said_text", "render"}
 #: Keys that a code or a name completes, and texts that a summary or a trace has in English.
 _BY_CODE = (
     *("code_", "exception_", "port_error_", "reason_", "outcome_"),
@@ -24,23 +23,12 @@ _BY_CODE = (
 )
 
 
-@cache
-def _trees() -> list[ast.Module]:
-    return [ast.parse(path.read_text(encoding="utf-8")) for path in sorted(_ROOT.rglob("*.py"))]
-
-
 def _said() -> Iterator[str]:
     """Keys that are named where a text is said."""
-    for tree in _trees():
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in _SAYING:
-                first = node.args[0] if node.args else None
-                choices = [first.body, first.orelse] if isinstance(first, ast.IfExp) else [first]
-                for each in choices:
-                    if isinstance(each, ast.Constant):
-                        yield each.value
-    for path in sorted(_ROOT.rglob("*.jinja")):
-        yield from re.findall(r"\bsay\(\"([\w.]+)\"", path.read_text(encoding="utf-8"))
+    for path in (*_ROOT.rglob("*.py"), *_ROOT.rglob("*.jinja")):
+        text = path.read_text(encoding="utf-8")
+        yield from re.findall(r'\b(?:say|said_text|render)\(\s*"([\w.]+)"', text)
+        yield from re.findall(r'\b(?:say|said_text|render)\(\s*"[\w.]+" if [^()]*? else "([\w.]+)"', text)
 
 
 def test_each_key_that_is_said_is_there() -> None:
@@ -55,9 +43,11 @@ def test_each_name_that_completes_a_key_has_one() -> None:
     assert {f"setting_{register}" for register in SETTINGS} <= entries().keys()
 
 
+@pytest.mark.slow
 def test_each_key_is_used() -> None:
     named, made = {*_said()}, set()
-    for tree in _trees():
+    for path in _ROOT.rglob("*.py"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
         for node in ast.walk(tree):
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
                 named.add(node.value)
