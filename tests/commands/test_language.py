@@ -69,3 +69,13 @@ def test_the_language_is_that_of_the_system_and_json_is_the_same_in_each(
         assert main([*args, "--json", "--lang", lang]) == 0
         texts.append(capsys.readouterr().out)
     assert texts[0] == texts[1]
+
+
+def test_the_files_of_a_run_are_the_same_in_each_language(tmp_path: Path) -> None:
+    for lang in ("en", "zh"):
+        args = ["--duration", "1s", "--no-plots", "--trace", "-o", str(tmp_path / lang), "--lang", lang]
+        assert main(["run", "press_line", *args]) == 0
+    names = sorted(path.name for path in (tmp_path / "en").iterdir())
+    assert names == sorted(path.name for path in (tmp_path / "zh").iterdir())
+    for name in names:
+        assert (tmp_path / "en" / name).read_bytes() == (tmp_path / "zh" / name).read_bytes(), name
