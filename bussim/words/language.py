@@ -8,6 +8,7 @@ are the same in every language; what prints, draws or writes a page shows it in 
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -64,6 +65,14 @@ def current_language() -> str:
 
 
 def system_language() -> str:
-    """The language of this system, as LC_ALL, LC_MESSAGES or LANG name it: Chinese, else English."""
-    named = (os.environ.get(name, "") for name in ("LC_ALL", "LC_MESSAGES", "LANG"))
-    return "zh" if next(filter(None, named), "").lower().startswith("zh") else "en"
+    """The language of this system: Chinese, else English.
+
+    LC_ALL, LC_MESSAGES or LANG name it; on Windows, where none does, the language of its windows.
+    """
+    named = next(filter(None, (os.environ.get(name) for name in ("LC_ALL", "LC_MESSAGES", "LANG"))), "")
+    if not named and sys.platform == "win32":
+        import ctypes
+        import locale
+
+        named = locale.windows_locale.get(ctypes.windll.kernel32.GetUserDefaultUILanguage(), "")
+    return "zh" if named.lower().startswith("zh") else "en"

@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Mapping
 from string import Formatter
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -238,3 +239,18 @@ def test_no_rounding_puts_a_quantile_above_the_maximum(times: list[float]) -> No
 )
 def test_a_cause_becomes_a_part_of_a_sentence(cause: str, words: str) -> None:
     assert cause_in_words(cause) == words
+
+
+@pytest.mark.parametrize(
+    ("number", "language"), [(0x0804, "zh"), (0x0404, "zh"), (0x0409, "en"), (0x10000, "en")]
+)
+def test_the_language_of_windows(number: int, language: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No variable names it there: 2052 is Chinese as in China, 1028 as in Taiwan, 1033 English."""
+    for name in ("LC_ALL", "LC_MESSAGES", "LANG"):
+        monkeypatch.delenv(name, raising=False)
+    kernel = SimpleNamespace(GetUserDefaultUILanguage=lambda: number)
+    monkeypatch.setattr("ctypes.windll", SimpleNamespace(kernel32=kernel), raising=False)
+    monkeypatch.setattr("sys.platform", "win32")
+    assert system_language() == language
+    monkeypatch.setenv("LANG", "zh_CN.UTF-8")
+    assert system_language() == "zh"
