@@ -7,10 +7,14 @@ import os
 import signal
 import sys
 import threading
+import time
+from math import inf
 from typing import NoReturn
 
 #: After so many seconds a signal that was lost is sent again: what lost it is over then.
 _AGAIN_SECONDS = 0.05
+#: Signals within so many seconds of the first one are that one, sent again.
+_ONCE_SECONDS = 2.0
 
 
 def program() -> NoReturn:
@@ -24,8 +28,13 @@ def program() -> NoReturn:
     from bussim.cli import FAILED, INTERRUPTED, TERMINATED, Terminated, main
 
     asked: list[type[KeyboardInterrupt]] = []
+    last = -inf
 
     def end(number: int, _: object) -> None:
+        nonlocal last
+        if time.monotonic() - last < _ONCE_SECONDS:
+            return  # the command ends already, which must not be cut short
+        last = time.monotonic()
         asked.append(Terminated if number == signal.SIGTERM else KeyboardInterrupt)
         raise asked[-1]
 
@@ -35,6 +44,8 @@ def program() -> NoReturn:
         if not issubclass(lost.exc_type, (KeyboardInterrupt, Terminated)):
             sys.__unraisablehook__(lost)
             return
+        nonlocal last
+        last = -inf
         number = signal.SIGTERM if issubclass(lost.exc_type, Terminated) else signal.SIGINT
         threading.Timer(_AGAIN_SECONDS, os.kill, (os.getpid(), number)).start()
 
