@@ -60,9 +60,13 @@ class Desk:
         self.workspace = workspace
         self._sized: dict[tuple[object, ...], Sized] = {}
 
+    def files(self, asked: Asked) -> dict[str, bytes]:
+        """The files that a line may name."""
+        return self.workspace.beside(asked.beside, asked.text)
+
     def line(self, asked: Asked) -> Line:
         """The line that a question is about. Raises ScenarioError with every mistake in it."""
-        return line_of(asked.text, asked.form, asked.bus, asked.name, self.workspace.beside(asked.beside))
+        return line_of(asked.text, asked.form, asked.bus, asked.name, self.files(asked))
 
     def check(self, asked: Asked) -> dict[str, Any]:
         """The text with the form's changes, the form's values of it, and its warnings with their places."""

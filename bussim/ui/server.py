@@ -7,6 +7,7 @@ import secrets
 import socket
 import threading
 from collections.abc import AsyncIterator, Callable
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Any, TypeVar, cast
@@ -48,29 +49,26 @@ class _Empty(Strict):
     pass
 
 
-class _Open(Strict):
+class _Id(Strict):
     id: Name
 
 
 class _Save(Asked):
     target: Name
-    expected: Annotated[str, Field(max_length=64)] | None = None
+    expected: Name | None = None
 
 
 class _Run(Asked):
     duration_s: Annotated[float, Field(gt=0, le=1e7)] | None = None
-    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] | None = None
+    seed: int | None = None
     trace: bool = True
-
-
-class _Stop(Strict):
-    id: Name
 
 
 class _Report(SizeAsked):
     run: Name | None = None
 
 
+@dataclass
 class Service:
     """The addresses of the page and their answers.
 
@@ -78,26 +76,20 @@ class Service:
     know more than the page does. ``example`` is the text that it begins with; ``end`` ends the server.
     """
 
-    def __init__(
-        self,
-        workspace: Workspace,
-        lang: str,
-        *,
-        report: Callable[..., Path],
-        site: Callable[[Path], Any],
-        example: str,
-        end: Callable[[], None],
-    ) -> None:
-        self._desk, self._workspace, self._lang = Desk(workspace), workspace, lang
-        self._report_on, self._site, self._example, self._stop_server = report, site, example, end
-        self._beginning = CapacityLimiter(1)
-        self._waiting: dict[str, str] = {}
-        self._running: dict[str, StartedRun] = {}
-        self._runs: dict[str, Path] = {}
+    workspace: Workspace
+    lang: str
+    report: Callable[..., Path]
+    site: Callable[[Path], Any]
+    example: str
+    end: Callable[[], None]
+    running: dict[str, StartedRun] = field(default_factory=dict)
+    _runs: dict[str, Path] = field(default_factory=dict)
+    _waiting: dict[str, str] = field(default_factory=dict)
+    _beginning: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(1))
 
     def application(self, port: int, token: str) -> Guard:
         """The application behind its guard."""
-        desk = self._desk
+        desk = self._desk = Desk(self.workspace)
         answers: dict[str, tuple[type[BaseModel], Callable[[Any], Any]]] = {
             "hello": (_Empty, self._hello),
             "check": (Asked, desk.check),
@@ -105,11 +97,11 @@ class Service:
             "law": (Asked, desk.law),
             "size": (SizeAsked, desk.size),
             "refresh": (Asked, desk.refresh),
-            "counters": (CountersAsked, lambda asked: noise_of(asked, desk.line(asked), self._site)),
-            "list": (_Empty, lambda _: {"entries": self._workspace.listing()}),
-            "open": (_Open, lambda asked: self._workspace.read(self._workspace.path(asked.id))),
+            "counters": (CountersAsked, lambda asked: noise_of(asked, desk.line(asked), self.site)),
+            "list": (_Empty, lambda _: {"entries": self.workspace.listing()}),
+            "open": (_Id, lambda asked: self.workspace.read(self.workspace.path(asked.id))),
             "save": (_Save, self._save),
-            "run/stop": (_Stop, self._stop),
+            "run/stop": (_Id, self._stop),
             "report": (_Report, self._report),
             "quit": (_Empty, self._end),
         }
@@ -126,7 +118,7 @@ class Service:
         return Guard(Starlette(routes=routes, exception_handlers=handlers), port, token)
 
     async def _file(self, request: Request) -> Response:
-        found = static(request.path_params.get("name", ""), self._lang)
+        found = static(request.path_params.get("name", ""), self.lang)
         return (
             await _not_found(request, KeyError())
             if found is None
@@ -142,12 +134,12 @@ class Service:
         return HTMLResponse(text, headers={"content-security-policy": policy})
 
     def _hello(self, _: _Empty) -> dict[str, Any]:
-        workspace = self._workspace
+        workspace = self.workspace
         opened = workspace.opened
-        example = {"text": self._example, "name": "", "id": None, "hash": None}
+        example = {"text": self.example, "name": "", "id": None, "hash": None}
         return {
             "version": __version__,
-            "lang": self._lang,
+            "lang": self.lang,
             "profiles": profiles(),
             "folder": str(workspace.folder),
             "entries": workspace.listing(),
@@ -155,12 +147,12 @@ class Service:
         }
 
     def _save(self, asked: _Save) -> dict[str, Any]:
-        return self._workspace.save(asked.target, self._desk.line(asked).text, asked.expected)
+        return self.workspace.save(asked.target, self._desk.line(asked).text, asked.expected)
 
-    def _stop(self, asked: _Stop) -> dict[str, Any]:
-        if asked.id not in self._running:
+    def _stop(self, asked: _Id) -> dict[str, Any]:
+        if asked.id not in self.running:
             raise Refusal(400, "unknown_id", "no such run is under way")
-        self._running[asked.id].stop()
+        self.running[asked.id].stop()
         return {}
 
     def _report(self, asked: _Report) -> dict[str, Any]:
@@ -168,9 +160,7 @@ class Service:
             text = self._desk.printed(asked)
         elif asked.run in self._runs:
             with TemporaryDirectory() as folder:
-                made = self._report_on(
-                    self._runs[asked.run], out=Path(folder) / "report.html", lang=asked.lang
-                )
+                made = self.report(self._runs[asked.run], out=Path(folder) / "report.html", lang=asked.lang)
                 text = made.read_text(encoding="utf-8")
         else:
             raise Refusal(400, "unknown_id", "no such run was finished")
@@ -182,12 +172,12 @@ class Service:
 
     def _end(self, _: _Empty) -> dict[str, Any]:
         self.close()
-        self._stop_server()
+        self.end()
         return {}
 
     def close(self) -> None:
         """Stop what still runs."""
-        for running in list(self._running.values()):
+        for running in list(self.running.values()):
             running.stop()
 
     async def _run(self, request: Request) -> Response:
@@ -202,23 +192,23 @@ class Service:
         return StreamingResponse(said, media_type="application/x-ndjson")
 
     def _begin(self, asked: _Run) -> tuple[str, Scenario]:
-        if self._running:
+        if self.running:
             raise Refusal(429, "busy", "a simulation is under way")
         changes: dict[str, object] = {}
         if asked.duration_s is not None:
             changes["duration"] = f"{asked.duration_s:g} s"
         if asked.seed is not None:
             changes["seed"] = asked.seed
-        text, files = edit(self._desk.line(asked).text, changes), self._workspace.beside(asked.beside)
+        text, files = edit(self._desk.line(asked).text, changes), self._desk.files(asked)
         scenario = examine(text, files=files).get()
         key = secrets.token_urlsafe(9)
-        folder = self._workspace.folder / _RUNS / "ui"
-        self._running[key] = start(scenario, folder, trace=asked.trace, numbered=True)
+        folder = self.workspace.folder / _RUNS / "ui"
+        self.running[key] = start(scenario, folder, trace=asked.trace, numbered=True)
         return key, scenario
 
     async def _said(self, key: str, scenario: Scenario, lang: str) -> AsyncIterator[str]:
         """What a simulation says; a page that is gone stops it."""
-        running = self._running[key]
+        running = self.running[key]
         steps = running.progress()
         try:
             yield ""
@@ -233,7 +223,7 @@ class Service:
             yield _json({"event": "stopped" if running.stopped else "failed", "text": str(error)})
         finally:
             running.stop()
-            del self._running[key]
+            del self.running[key]
 
 
 def serve(listening: socket.socket, token: str, workspace: Workspace, lang: str, **parts: Any) -> None:
@@ -245,7 +235,7 @@ def serve(listening: socket.socket, token: str, workspace: Workspace, lang: str,
     def end() -> None:
         server.should_exit = True
 
-    service = Service(workspace, lang, end=end, **parts)
+    service = Service(workspace, lang, **parts, end=end)
     config = uvicorn.Config(
         service.application(listening.getsockname()[1], token),
         log_config=None,  # it needs a console
@@ -303,16 +293,7 @@ def _read(kind: type[_Kind], data: Any) -> _Kind:
 
 def _refused(error: Refusal | BussimError) -> Response:
     if isinstance(error, ScenarioError):
-        problems = [
-            {
-                "line": each.line,
-                "column": each.column,
-                "path": each.path,
-                "field": field_of(each.path),
-                "message": each.message,
-            }
-            for each in error.problems
-        ]
+        problems = [{**asdict(each), "field": field_of(each.path)} for each in error.problems]
         error = Refusal(400, "mistakes", str(error), {"problems": problems})
     elif not isinstance(error, Refusal):
         error = Refusal(400, "refused" if isinstance(error, UsageError) else "failed", str(error))

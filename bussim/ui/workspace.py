@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -87,43 +85,23 @@ class Workspace:
             raise Refusal(400, "unwritable", str(error), {"name": name}) from error
         return {"name": name, "id": self.number(path), "hash": _hash(raw), "text": text}
 
-    def beside(self, key: str | None) -> Mapping[str, bytes]:
-        """The files that the scenario of an id may name: those beside it; those here without an id."""
-        return Beside(self.folder if key is None else self.path(key).parent)
+    def beside(self, key: str | None, text: str) -> dict[str, bytes]:
+        """The files that a scenario's text may name: plain ones beside the file of an id, else those here.
+
+        No name and no link leads out of their folder.
+        """
+        folder = self.folder if key is None else self.path(key).parent.resolve()
+        found = {}
+        for path in itertools.islice(folder.iterdir(), _MOST_FILES):
+            with suppress(OSError):
+                if path.name in text and path.is_file() and path.resolve().parent == folder:
+                    with path.open("rb") as file:
+                        found[path.name] = file.read(_MOST_NAMED)
+        return found
 
     def _plain(self, path: Path) -> bool:
         """Whether it is a plain file that no link leads out of the folder."""
         return path.is_file() and path.resolve().is_relative_to(self.folder)
-
-
-@dataclass(frozen=True, slots=True)
-class Beside(Mapping[str, bytes]):
-    """The plain files of a folder by name, read when asked for; no name and no link leads out of it."""
-
-    folder: Path
-
-    def __getitem__(self, name: str) -> bytes:
-        if name in self:
-            with suppress(OSError), (self.folder / name).open("rb") as file:
-                return file.read(_MOST_NAMED)
-        raise KeyError(name)
-
-    def __contains__(self, name: object) -> bool:
-        try:
-            path = self.folder / str(name)
-            return path.name == name and path.is_file() and path.resolve().parent == self.folder.resolve()
-        except (OSError, ValueError):
-            return False
-
-    def __iter__(self) -> Iterator[str]:
-        names = (path.name for path in itertools.islice(self.folder.iterdir(), _MOST_FILES))
-        return (name for name in names if name in self)
-
-    def __len__(self) -> int:
-        return sum(1 for _ in self)
-
-    def __bool__(self) -> bool:
-        return True  # without looking
 
 
 def _hash(raw: bytes) -> str:

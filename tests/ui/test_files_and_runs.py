@@ -122,13 +122,13 @@ def test_a_stopped_simulation_ends_and_leaves_its_folder_incomplete(page: Page, 
     thread = threading.Thread(target=lambda: events.extend(run(page, duration_s=100_000, trace=False)))
     thread.start()
     service = page.service
-    while not service._running:
+    while not service.running:
         time.sleep(0.02)
-    (key,) = service._running
+    (key,) = service.running
     while not [*tmp_path.glob("runs/*.incomplete")]:
         time.sleep(0.02)
     assert page.refused("run", text=EXAMPLE)[0] == 429
-    process = service._running[key]._process
+    process = service.running[key]._process
     page.ask("run/stop", id=key)
     thread.join(20)
     assert not thread.is_alive()
@@ -144,13 +144,13 @@ def test_a_simulation_whose_process_dies_has_failed(page: Page) -> None:
     events: list[dict[str, Any]] = []
     thread = threading.Thread(target=lambda: events.extend(run(page, duration_s=100_000, trace=False)))
     thread.start()
-    while not page.service._running:
+    while not page.service.running:
         time.sleep(0.02)
-    (running,) = page.service._running.values()
+    (running,) = page.service.running.values()
     os.kill(running._process.pid, signal.SIGKILL)
     thread.join(20)
     assert events[-1]["event"] == "failed"
-    assert not page.service._running
+    assert not page.service.running
 
 
 @pytest.mark.slow
