@@ -5,7 +5,7 @@
   const token = location.hash.slice(1);
   const KEPT_IN_TAB = "bussim-line";
   const GOALS = ["goal-errors", "goal-ride", "goal-dead", "goal-heartbeat"];
-  let lang = payload.lang, limits = {}, n = 0, range = 0, runId = null, runOf = -1, ended = false;
+  let lang = payload.lang, limits = {}, n = 0, range = 0, runId = null, runOf = -1, begun = false, ended = false;
   // What the user has: the file's text, and the fields that were changed since.
   let line = { text: "", name: "", id: null, hash: null, form: {}, bus: "", without: false, example: false };
   let past = [], checked = null, law = null, sized = null, kept = null, run = null, gaps = null;
@@ -51,7 +51,7 @@
     if (ended) return;
     get("gone").hidden = !is;
     clearTimeout(retrying);
-    if (is) retrying = setTimeout(() => ask("list").then(refresh, () => {}), 2000);
+    if (is) retrying = setTimeout(() => (begun ? ask("list").then(refresh, () => {}) : begin()), 2000);
   };
   // One question of a kind is under way, and only the newest one waits; after so long it waits no more.
   const LONG = 1500;
@@ -717,7 +717,11 @@
   for (const each of document.querySelectorAll("button[data-lang]")) each.addEventListener("click", () => { lang = each.dataset.lang; speak(); refresh(); });
   get("controls").addEventListener("submit", (event_) => event_.preventDefault());
   const begin = async () => {
-    limits = await ask("hello");
+    try { limits = await ask("hello"); } catch (error) {
+      get("gone").hidden = false;
+      get("gone").textContent = said(error);
+      return;
+    }
     get("profile").replaceChildren(...Object.keys(limits.profiles).map((name) => node("option", { value: name }, name)));
     get("mode").replaceChildren(...[...new Set(Object.values(limits.profiles).flatMap(({ modes }) => Object.keys(modes)))].sort().map((mode) => {
       const button = node("button", { type: "button", "data-mode": mode }, mode);
@@ -736,7 +740,8 @@
       speak();
       take(limits.opened);
     }
+    begun = true;
     document.documentElement.dataset.ready = "true";
   };
-  begin().catch((error) => { get("gone").hidden = false; get("gone").textContent = said(error); });
+  begin();
 })();
