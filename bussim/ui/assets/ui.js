@@ -114,9 +114,9 @@
   // What is not of the line as it is now is marked.
   const busy = () => {
     const bad = !get("problems").hidden;
-    for (const [ids, found] of [[["strip", "tiles", "curve"], law], [["verdict", "trade", "table", "recommended"], sized]])
+    for (const [ids, found] of [[["curve"], law], [["verdict", "trade", "table", "recommended"], sized]])
       for (const id of ids) get(id).setAttribute("aria-busy", String(bad || found?.n !== n));
-    get("tiles").setAttribute("aria-busy", String(bad || law?.n !== n || sized?.n !== n));
+    for (const id of ["tiles", "strip"]) get(id).setAttribute("aria-busy", String(bad || law?.n !== n || sized?.n !== n));
     clearTimeout(slow);
     get("working").hidden = true;
     if (!bad && (law?.n !== n || sized?.n !== n)) slow = setTimeout(() => { get("working").hidden = false; }, 1000);
@@ -335,14 +335,14 @@
   const own = () => sized?.rows?.at(-1);
   const noiseUnknown = () => law?.fan?.length > 0;
   const figures = () => {
-    const f = law.figures, here = own(), errors = here ?? f, goal = Number(get("goal-errors").value) || Infinity;
+    const f = law.figures, here = own(), judged = here ?? f, goal = Number(get("goal-errors").value) || Infinity;
     return {
       mean: [time(f.mean_ms), noiseUnknown() ? word("no_noise") : ""],
       longest: [time(f.worst_case_ms), ""],
-      dead: [time(f.one_dead_ms), ""],
-      detect: [time(f.detect_ms.mean), word("at_worst", { time: time(f.detect_ms.max) })],
-      errors: [rate(errors.false_errors_per_year, goal), [word("a_year"), !here ? "" : noiseUnknown() ? word("at_bad")
-        : errors.false_errors_per_year > f.false_errors_per_year * 1.01 ? word("entered", { value: rate(f.false_errors_per_year) }) : ""].filter(Boolean).join(word("comma"))],
+      dead: [time(judged.one_dead_ms), ""], // with the noise that the goals are judged by
+      detect: [time(judged.detect_ms.mean), word("at_worst", { time: time(judged.detect_ms.max) })],
+      errors: [rate(judged.false_errors_per_year, goal), [word("a_year"), !here ? "" : noiseUnknown() ? word("at_bad")
+        : judged.false_errors_per_year > f.false_errors_per_year * 1.01 ? word("entered", { value: rate(f.false_errors_per_year) }) : ""].filter(Boolean).join(word("comma"))],
       ride: [whole(f.ride_through_ms.silence), ""],
     };
   };
