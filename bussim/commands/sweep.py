@@ -124,7 +124,7 @@ def command(
                 estimated=estimated,
             )
     except KeyboardInterrupt as error:
-        raise type(error)("stopped: what was run is kept, the same command goes on from there") from None
+        raise type(error)("stopped: the same command goes on from what was run") from None
     if as_json:
         print_json(result.summary)
     else:

@@ -74,12 +74,12 @@ def gap_distributions(
     known: dict[tuple[object, ...], GapDistribution] = {}
     found, every = {}, pairs(model)
     for number, (source, receiver) in enumerate(every):
+        if progress is not None:
+            progress("refresh gaps", number, len(every))
         key = _alike(model, source, receiver, by_position=by_position)
         if key not in known:
             known[key] = gap_distribution(solved, source, receiver, floor, resolved)
         found[source, receiver] = replace(known[key], source=source, receiver=receiver)
-        if progress is not None:
-            progress("refresh gaps", number + 1, len(every))
     return found
 
 

@@ -1,6 +1,10 @@
-"""How far a command is, where there is no terminal for a bar."""
+"""How far a command is: on a terminal by a bar, elsewhere by lines."""
 
 from __future__ import annotations
+
+import io
+import sys
+import time
 
 import pytest
 
@@ -39,3 +43,24 @@ def test_what_takes_hours_and_what_takes_seconds(
         "running: 0.1% done, about 2.8 h left",
         "running: 0.2% done, about 2.8 h left",
     ]
+
+
+def test_a_bar_begins_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is called once and then takes its time has a bar, and what is over sooner has none."""
+
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    shown = Terminal()
+    monkeypatch.setattr(sys, "stderr", shown)
+    with progress_bar() as progress:
+        progress("refresh gaps", 0, 56)
+    assert shown.getvalue() == ""
+    monkeypatch.setattr(module, "_PATIENCE", 0.01)
+    with progress_bar() as progress:
+        progress("refresh gaps", 0, 56)
+        until = time.monotonic() + 30
+        while "refresh gaps" not in shown.getvalue() and time.monotonic() < until:
+            time.sleep(0.01)
+    assert "refresh gaps" in shown.getvalue()

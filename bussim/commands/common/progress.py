@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -36,21 +37,27 @@ def progress_bar(*, counted: bool = False) -> Iterator[Callable[[str, int, int],
 
     *columns, left = Progress.get_default_columns()
     count = [MofNCompleteColumn()] if counted else []
-    begun = time.monotonic()
     bar = Progress(*columns, *count, left, TextColumn("left"), console=Console(stderr=True), transient=True)
     tasks: dict[str, TaskID] = {}
+    # What takes its time may not tell more for long: the bar begins by itself.
+    begin = threading.Timer(_PATIENCE, bar.start)
+    begin.daemon = True
 
     def progress(what: str, done: int, total: int) -> None:
+        first = not tasks
         if what not in tasks:
             # What was there already is no measure of the speed of the rest.
             tasks[what] = bar.add_task(what, completed=done, total=total)
         bar.update(tasks[what], completed=done, total=total)
-        if not bar.live.is_started and time.monotonic() - begun > _PATIENCE:
-            bar.start()
+        if first:
+            begin.start()
 
     try:
         yield progress
     finally:
+        begin.cancel()
+        if tasks:
+            begin.join()
         if bar.live.is_started:
             bar.stop()
 

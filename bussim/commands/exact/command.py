@@ -47,6 +47,11 @@ _POINTS = 1200
     help="Time in which D8202, the longest scan, is asked for.",
 )
 @click.option("--ignore-faults", is_flag=True, help="Leave out what acts only for a part of the run.")
+@click.option(
+    "--refresh/--no-refresh",
+    default=True,
+    help="Also how old blocks get, which takes longest by far. [default: yes]",
+)
 @set_option
 @lang_option
 @click.option("--plot", is_flag=True, help="Draw law and simulated histogram, as PNG and SVG.")
@@ -61,6 +66,7 @@ def command(
     deadlines: tuple[str, ...],
     mission: str,
     ignore_faults: bool,
+    refresh: bool,
     overrides: tuple[str, ...],
     plot: bool,
     out: str | None,
@@ -95,6 +101,7 @@ def command(
             levels=request.levels,
             deadlines=request.deadlines,
             mission=request.mission,
+            refresh=refresh,
             ignore_faults=ignore_faults,
             progress=progress,
         )
