@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Annotated, Any, Literal, assert_never, cast
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -13,6 +14,7 @@ from bussim.errors import Problem, UsageError
 from bussim.exact.link import TIMEOUT_UNIT
 from bussim.line.protocols import BusProtocol
 from bussim.plc.link_registers import D_MODE, D_RETRIES, D_SLAVES, D_TIMEOUT, setting_values
+from bussim.scenario.loader import Examined
 from bussim.scenario.model import BitErrors, Burst, Impulse, Plc, ReplyLoss, Scenario
 from bussim.scenario.yaml.edit import edit
 from bussim.scenario.yaml.parser import read
@@ -99,7 +101,7 @@ def line_of(text: str, form: Form, bus: str, name: str, files: Mapping[str, byte
 
     Raises ScenarioError with every mistake, those of the text before those that the form makes.
     """
-    before = examine(text, name=name, files=files)
+    before = examine(text, name=name, files=files) if files else _alone(text, name)
     scenario = before.get()
     links = [each.name for each in scenario.buses if each.protocol is BusProtocol.NN]
     if bus and bus not in links:
@@ -119,6 +121,12 @@ def line_of(text: str, form: Form, bus: str, name: str, files: Mapping[str, byte
         if asked is not None and found[field] != asked:  # first scan of its program
             raise Refusal(400, "by_program", f"{field}: the master's program sets it", {"field": field})
     return line
+
+
+@lru_cache(maxsize=4)
+def _alone(text: str, name: str) -> Examined:
+    """What a text says that names no files: the same at each move of a slider."""
+    return examine(text, name=name)
 
 
 def values_of(line: Line) -> dict[str, Any]:
@@ -303,6 +311,7 @@ def _list(data: Data, key: str) -> list[Data]:
     return [each for each in found if isinstance(each, dict)] if isinstance(found, list) else []
 
 
+@lru_cache(maxsize=8)  # the same text at each move of a slider
 def _data(text: str) -> Data:
     return cast("Data", copied(read(text, "<text>")[0], "<text>"))
 
