@@ -192,6 +192,17 @@ def test_a_station_is_switched_off_and_a_dot_is_taken(seen: Seen, tmp_path: Path
     assert seen.line()["form"]["off"] == []
 
 
+def test_another_plc_has_its_own_modes(seen: Seen, tmp_path: Path) -> None:
+    seen.js(
+        "const e = arguments[0]; e.value = 'fx1s'; e.dispatchEvent(new Event('change'))", seen.one("#profile")
+    )
+    seen.settle()
+    assert seen.line()["form"] == {"profile": "fx1s", "mode": 0}
+    shown = "return [...document.querySelectorAll('#mode button')].filter(e => e.offsetParent).map(e => e.textContent)"
+    assert seen.js(shown) == ["0"]
+    is_shown(seen, Page(tmp_path))
+
+
 def test_counters_read_on_site_become_noise(seen: Seen, tmp_path: Path) -> None:
     seen.click("[name=noise][value=counters]")
     for number, count in enumerate((500, 505, 498), 1):

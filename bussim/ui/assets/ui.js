@@ -288,7 +288,10 @@
     get(`${key}-box`).addEventListener("blur", showForm);
     get(key).addEventListener("change", () => { range = 0; drawCharts(); });
   }
-  get("profile").addEventListener("change", () => set({ profile: get("profile").value }));
+  get("profile").addEventListener("change", () => { // with a mode that it has
+    const profile = get("profile").value, modes = Object.keys(limits.profiles[profile].modes).map(Number);
+    set({ profile, ...(modes.includes(value("mode")) ? {} : { mode: Math.max(...modes) }) });
+  });
   get("bus").addEventListener("change", async () => { // what was moved of the other link goes into the text
     const bus = get("bus").value, found = await ask("edit", question()).catch(() => null);
     if (!found) { get("bus").value = checked.bus; return; }
