@@ -18,9 +18,9 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import Future, wait
 from multiprocessing.connection import Connection
 from pathlib import Path
-from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 from bussim.api import Result, Source, load, open_run, run
@@ -52,9 +52,8 @@ class StartedRun:
         from joblib.externals.loky.backend import get_context
 
         self.stopped = False
-        self._news = threading.Condition()
         self._latest: RunProgress | None = None
-        self._outcome: Path | BussimError | None = None
+        self._folder: Future[Path] = Future()
         context: Any = get_context("loky")
         told, tells = context.Pipe(duplex=False)
         job = tells, os.getpid(), scenario, options
@@ -62,40 +61,32 @@ class StartedRun:
         with signals_later():
             self._process.start()
         tells.close()
-        self._reader = threading.Thread(target=self._read, args=(told,), name="progress", daemon=True)
-        self._reader.start()
+        threading.Thread(target=self._read, args=(told,), name="progress", daemon=True).start()
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
     def progress(self) -> Iterator[RunProgress]:
         """How far it is, at most ten times a second, until it is over. Who is slow gets the newest."""
         shown = None
-        while True:
-            with self._news:
-                while self._outcome is None and self._latest is shown:
-                    self._news.wait()
-                latest = self._latest
-            if latest is shown or latest is None:
-                return
-            shown = latest
-            yield latest
+        while not self._folder.done():
+            wait([self._folder], _EVERY)
+            if self._latest is not None and self._latest is not shown:
+                shown = self._latest
+                yield shown
 
     def stop(self) -> None:
         """End it at once, where it is not over, and wait until it is gone.
 
         Its folder stays as ``….incomplete`` with what was written; another run to the same place replaces it.
         """
-        with self._news:
-            self.stopped = self.stopped or self._outcome is None
-        if self.stopped:
+        if not self._folder.done():
+            self.stopped = True
             _kill(self._process)
-        self._reader.join()
+            wait([self._folder])
 
     def result(self, timeout: float | None = None) -> Result:
         """Wait for its end, and give the result in its folder.
@@ -103,32 +94,22 @@ class StartedRun:
         Raises TimeoutError where that takes more than ``timeout`` seconds; what :func:`bussim.run` raises;
         RunError where it was stopped or its process died.
         """
-        self._reader.join(timeout)
-        if self._outcome is None:
-            raise TimeoutError(f"the simulation goes on after {timeout:g} s")
-        if isinstance(self._outcome, BussimError):
-            raise self._outcome
-        return open_run(self._outcome)
+        return open_run(self._folder.result(timeout))
 
     def _read(self, told: Connection) -> None:
         """Take what the process says, to its end."""
-        outcome: Path | BussimError | None = None
         try:
-            while outcome is None:
-                said = told.recv()
-                if isinstance(said, RunProgress):
-                    with self._news:
-                        self._latest = said
-                        self._news.notify_all()
-                else:
-                    outcome = said
+            while isinstance(said := told.recv(), RunProgress):
+                self._latest = said
             self._process.join(_ENDS)
         except (EOFError, OSError):
             self._process.join()
+            said = RunError(self._why())
         told.close()
-        with self._news:
-            self._outcome = outcome or RunError(self._why())
-            self._news.notify_all()
+        if isinstance(said, BussimError):
+            self._folder.set_exception(said)
+        else:
+            self._folder.set_result(said)
 
     def _why(self) -> str:
         """Why the process has ended without an outcome."""
