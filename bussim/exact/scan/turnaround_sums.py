@@ -240,6 +240,8 @@ class TurnaroundSums:
         return _grid_of(tuple((self._every if code >= self.torn > 0 else self._kinds).items()))
 
 
+#: Masses up to this are left out at both ends of a sum: no component that matters is as light.
+_NOTHING = 1e-40
 #: Bytes that are kept of what was worked out, each of three kinds.
 _KEPT_BYTES = 1 << 26
 
@@ -254,8 +256,7 @@ class _Kept:
 
     def get(self, code: int) -> tuple[float, Floats] | None:
         with self._lock:
-            found = self._found.pop(code, None)
-            if found is not None:
+            if (found := self._found.pop(code, None)) is not None:
                 self._found[code] = found  # dictionaries keep their order: what was used last stands last
             return found
 
@@ -331,7 +332,9 @@ class _Grid:
                 masses = _moving_sums(masses, single.size) * single[0]
             else:
                 masses = np.convolve(masses, single)
-            found = offset + more, masses
+            inside = np.flatnonzero(masses > _NOTHING)
+            start = offset + more + float(inside[0]) * self._step
+            found = start, masses[inside[0] : inside[-1] + 1].copy()
             self._sums.keep(code, found)
         return found
 
@@ -391,9 +394,7 @@ def _moving_sums(values: Floats, count: int) -> Floats:
 
 def by_code(part: Callable[[int, Floats], Floats], codes: Codes, y: Floats) -> Floats:
     """``part`` of each pair of a code and y."""
-    result = np.empty(y.size)
-    order = np.argsort(codes, kind="stable")
-    for chosen in np.split(order, np.flatnonzero(np.diff(codes[order])) + 1):
-        if chosen.size:
-            result[chosen] = part(int(codes[chosen[0]]), y[chosen])
+    result, order = np.empty(y.size), np.argsort(codes, kind="stable")
+    for chosen in np.split(order, np.flatnonzero(np.diff(codes[order])) + 1) if y.size else ():
+        result[chosen] = part(int(codes[chosen[0]]), y[chosen])
     return result
