@@ -167,6 +167,7 @@ def test_a_server_that_is_gone_is_said_and_the_line_is_kept(seen: Seen) -> None:
     seen.until(lambda: seen.one("#gone").is_displayed())
     assert "this page keeps your line" in seen.text("#gone")
     assert seen.line()["form"]["retries"] == 9
+    assert not seen.one("#problems").is_displayed()
     assert seen.one("#tiles").get_attribute("aria-busy") == "true"
 
 

@@ -85,7 +85,7 @@
   const question = () => ({ text: line.text, name: line.name || "line.yaml", form: line.form, bus: line.bus, beside: line.id, without_faults: line.without, lang, n });
   const lanes = {
     law: new Lane("law", (found, error) => {
-      if (error) return problems(error);
+      if (error) return error.key === "gone" ? busy() : problems(error);
       law = found;
       checked = found.form;
       if (line.fresh) { get("duration").value = String(checked.duration_s); line.fresh = false; }
