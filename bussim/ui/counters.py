@@ -30,8 +30,14 @@ class CountersAsked(Asked):
     slaves: _Counts
 
 
+#: The upper limit of lost replies that stands for none.
+_UNLIMITED = 0.99
+
+
 def noise_of(asked: CountersAsked, line: Line, site: Callable[[Path], Any]) -> dict[str, Any]:
     """The likeliest noise and its upper limits, as entries of a scenario's ``noise``, and what is not known.
+
+    ``unlimited`` are the stations whose lost replies the counts do not limit: the master's were not read.
 
     ``site`` reads the file of a readout (:func:`bussim.site`). Raises Refusal without a count,
     ScenarioError for counts that contradict each other.
@@ -70,4 +76,7 @@ def noise_of(asked: CountersAsked, line: Line, site: Callable[[Path], Any]) -> d
         file.write_text(dumped_inline(readout), encoding="utf-8")
         said = site(file).to_dict()
     wanted = ("bursts", "noise", "noise_upper_limits", "not_known", "unexplained", "notes")
-    return {"n": asked.n, **{key: said[key] for key in wanted}}
+    open_ended = [
+        each["station"] for each in said["noise_upper_limits"] if each.get("reply_loss", 0) >= _UNLIMITED
+    ]
+    return {"n": asked.n, **{key: said[key] for key in wanted}, "unlimited": open_ended}

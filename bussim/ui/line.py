@@ -140,6 +140,7 @@ def values_of(line: Line) -> dict[str, Any]:
         "bus": line.bus,
         "links": links,
         "also": _also(line, data),
+        "duration_s": scenario.duration / TICKS_PER_SECOND,
     }
     if master is None:
         return found
@@ -160,7 +161,6 @@ def values_of(line: Line) -> dict[str, Any]:
         "scan": _ms(max(plc.scan.mean for plc in members.values())),
         "noise": _noise_of(line, data),
         "off": [plc.name for plc in members.values() if _off(plc.name) in _list(data, "faults")],
-        "duration_s": scenario.duration / TICKS_PER_SECOND,
     }
 
 
@@ -215,6 +215,8 @@ def _changes(line: Line, form: Form) -> dict[str, object]:
     if form.off is not None:
         kept = [fault for fault in _list(after, "faults") if fault not in [_off(name) for name in own]]
         after["faults"] = kept + [_off(name) for name in own if name in form.off]
+        if not after["faults"] and "faults" not in before:
+            del after["faults"]
     if form.name is not None:
         after["name"] = form.name
     return {key: value for key, value in after.items() if key not in before or before[key] != value}

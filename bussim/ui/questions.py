@@ -100,21 +100,21 @@ class Desk:
         one is the line's own.
         """
         line = self.line(asked)
-        if not line.bus:
-            return {"n": asked.n, "sizing": None}
         sized = self.sized(asked, line)
+        ports = {
+            node: {"recommended": each["recommended"], "reasons": each.get("reasons", [])}
+            for node, each in ((node, found.to_json()) for node, found in sized.ports.items())
+        }
+        if not line.bus:
+            return {"n": asked.n, "sizing": None, "ports": ports}
         sizing = sized.links[line.bus]
         model = from_scenario(line.scenario, ignore_faults=True, bound_end=True)[line.bus]
-        ports = {node: each.to_json() for node, each in sized.ports.items()}
         return {
             "n": asked.n,
             "sizing": {key: value for key, value in sizing.to_json().items() if key not in _LEFT_OUT},
             "goals": [{"name": name, "text": text} for name, text in sizing.goals.texts().items()],
             "rows": rows_of(sizing, model),
-            "ports": {
-                node: {"recommended": each["recommended"], "reasons": each.get("reasons", [])}
-                for node, each in ports.items()
-            },
+            "ports": ports,
         }
 
     def sized(self, asked: SizeAsked, line: Line) -> Sized:
@@ -124,7 +124,8 @@ class Desk:
         found = self._sized.get(key)
         if found is None:
             try:
-                found = self._sized[key] = size(line.scenario, asked.goals)
+                goals = [each for each in asked.goals if line.bus or each.startswith("errors")]
+                found = self._sized[key] = size(line.scenario, goals)
             except UsageError as error:
                 raise Refusal(400, "goal", str(error)) from error
             for old in list(self._sized)[:-_KEPT]:
