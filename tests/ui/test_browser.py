@@ -208,6 +208,12 @@ def test_counters_read_on_site_become_noise(seen: Seen, tmp_path: Path) -> None:
     for number, count in enumerate((500, 505, 498), 1):
         seen.put(f"[data-counts=slaves][data-station='{number}']", count)
     seen.click("#work-out")
+    seen.until(lambda: "Enter the master's counts" in seen.text("#counters-said"))
+    assert "slave1, slave2, slave3" in seen.text("#counters-said")
+    assert "noise" not in seen.line()["form"]
+    for number in (1, 2, 3):
+        seen.put(f"[data-counts=master][data-station='{number}']", 1)
+    seen.click("#work-out")
     seen.until(lambda: "upper limits" in seen.text("#counters-said"))
     seen.settle()
     assert seen.line()["form"]["noise"]["kind"] == "counters"

@@ -179,3 +179,58 @@ def test_quit_ends_the_server(seen: Seen) -> None:
         assert time.monotonic() < end
         time.sleep(0.05)
     assert seen.process.returncode == 0  # type: ignore[attr-defined]
+
+
+def opened(seen: Seen, name: str) -> None:
+    if seen.one("#opening").get_attribute("hidden"):
+        seen.click("#open")
+    entry = f"[data-entry='{name}']"
+    seen.until(lambda: seen.js("return document.querySelector(arguments[0])", entry))
+    seen.js("document.querySelector(arguments[0]).click()", entry)
+
+
+def test_a_line_without_a_law_has_what_sizing_knows_beside_its_sliders(seen: Seen) -> None:
+    seen.load(width=400)
+    opened(seen, "press_line")
+    seen.until(lambda: "three presses" in str(seen.one("#name").get_attribute("value")))
+    seen.settle()
+    shown = "return document.querySelector('#strip [data-figure=dead]').innerText"
+    assert seen.one("#strip").is_displayed()
+    assert seen.js(shown) == "348.9 ms"
+    assert "Recommended: D8179 = 4, D8180 = 5." in seen.text("#strip-law")
+    top, bottom = seen.js(
+        "const r = document.getElementById('strip').getBoundingClientRect(); return [r.top, r.bottom]"
+    )
+    assert bottom - top <= 131
+    seen.put("#retries", "0")
+    seen.settle()
+    assert seen.js(shown) != "348.9 ms"
+
+
+def test_what_cannot_be_used_is_said_and_nothing_of_it_is_moved(seen: Seen, tmp_path: Path) -> None:
+    (tmp_path / "no.yaml").write_bytes(b"\xff\xfe\x00")
+    (tmp_path / "wrong.yaml").write_text("schema: 1\n", "utf-8")
+    opened(seen, "no.yaml")
+    seen.until(lambda: seen.text("#open-bad") == "This file cannot be read as text.")
+    seen.put("#goal-errors", "-1")
+    seen.until(
+        lambda: (
+            "A goal is a number above 0" in seen.js("return document.getElementById('goals-bad').textContent")
+        )
+    )
+    assert seen.one("#recommended").get_attribute("aria-busy") == "true"
+    seen.put("#goal-errors", "1")
+    seen.settle()
+    seen.put("#duration", "0")
+    seen.click("#run")
+    seen.until(lambda: seen.text("#run-said") == "time: this value is not allowed.")
+    seen.click("[data-lang=zh]")
+    seen.put("#stations-box", "9")
+    seen.until(lambda: seen.text("#stations-bad") == "站数（含主站）：2 到 8")
+    seen.click("[data-lang=en]")
+    seen.click("[data-reset=stations]")
+    seen.settle()
+    opened(seen, "wrong.yaml")
+    seen.until(lambda: "plcs is missing" in seen.text("#problems"))
+    assert seen.js("return document.getElementById('controls').inert")
+    assert not seen.one("#retries").is_displayed()

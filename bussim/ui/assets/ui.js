@@ -45,7 +45,12 @@
     throw error;
   };
   const ask = async (path, body) => (await post(path, body)).json();
-  const said = (error) => (error.key && has(error.key) ? word(error.key, { ...error.values, text: error.text }) : word("fault", { text: error.text ?? String(error) }));
+  // The field of a form, by the path of what was asked.
+  const fieldName = (path = "") => {
+    const last = path.split(".").pop().replace(/_[sh]$/, ""), key = [last, `${last}_ms`].find(has);
+    return key ? word(key) : `${/^\d+$/.test(last) ? `${word("station")} ` : ""}${last}`;
+  };
+  const said = (error) => (error.key === "body" ? word("body", { name: fieldName(error.values.field) }) : error.key && has(error.key) ? word(error.key, { ...error.values, text: error.text }) : word("fault", { text: error.text ?? String(error) }));
   let retrying = 0;
   const gone = (is) => {
     if (ended) return;
@@ -75,11 +80,11 @@
     }
   }
   const goals = () => {
-    const value = (id) => (get(id).value === "" ? null : Number(get(id).value)), found = [];
-    if (value("goal-errors") > 0) found.push(`errors<=${value("goal-errors")}/y`);
+    const value = (id) => (get(id).validity.badInput ? NaN : get(id).value === "" ? null : Number(get(id).value)), found = [];
+    if (value("goal-errors") !== null) found.push(`errors<=${value("goal-errors")}/y`);
     if (value("goal-ride") !== null) found.push(value("goal-ride") ? `ride>=${value("goal-ride")}ms` : "ride>=0");
-    if (value("goal-dead")) found.push(`dead<=${value("goal-dead")}ms`);
-    if (value("goal-heartbeat")) found.push(`heartbeat=${value("goal-heartbeat")}ms@0.1/y`);
+    if (value("goal-dead") !== null) found.push(`dead<=${value("goal-dead")}ms`);
+    if (value("goal-heartbeat") !== null) found.push(`heartbeat=${value("goal-heartbeat")}ms@0.1/y`);
     return found;
   };
   const question = () => ({ text: line.text, name: line.name || "line.yaml", form: line.form, bus: line.bus, beside: line.id, without_faults: line.without, lang, n });
@@ -94,7 +99,7 @@
     }),
     size: new Lane("size", (found, error) => {
       get("goals-bad").hidden = error?.key !== "goal";
-      if (error) { get("goals-bad").textContent = error.text; busy(); return; }
+      if (error) { get("goals-bad").textContent = said(error); busy(); return; }
       sized = found;
       showSize();
     }),
@@ -122,7 +127,13 @@
     if (!bad && (law?.n !== n || sized?.n !== n)) slow = setTimeout(() => { get("working").hidden = false; }, 1000);
   };
   const problems = (error) => {
-    const found = error?.values?.problems ?? (error ? [{ field: error.values?.field?.split(".").pop() ?? "", message: said(error) }] : []);
+    const all = error?.values?.problems ?? (error ? [{ field: error.values?.field?.split(".").pop() ?? "", message: said(error) }] : []);
+    if (!checked) get("controls").toggleAttribute("inert", true); // a text that is no line has no fields yet
+    for (const each of all) if (!each.line || each.field in line.form) { // a number box that is out of its range
+      const box = get(`${each.field}-box`);
+      if (box && !box.validity.valid) Object.assign(each, { line: 0, message: word("range", { field: word(each.field), least: box.min, most: box.max }) });
+    }
+    const found = all.filter((each, place) => each.line || all.findIndex(({ message }) => message === each.message) === place);
     for (const each of document.querySelectorAll("[data-field]")) {
       const here = found.filter(({ field }) => field === each.dataset.field), text = get(`${each.dataset.field}-bad`);
       for (const input of each.querySelectorAll("input, select")) input.setAttribute("aria-invalid", String(here.length > 0));
@@ -186,7 +197,7 @@
     get("bus").replaceChildren(...checked.links.map((name) => node("option", { value: name }, name)));
     get("bus").value = checked.bus;
     const things = Object.entries(checked.also).map(([key, many]) => word(`also.${key}`, { many }));
-    get("also").textContent = things.length ? word("also", { things: things.join(word("comma")) }) : linked ? "" : word("none_here");
+    get("also").textContent = [linked ? "" : word("none_here"), things.length ? word("also", { things: things.join(word("comma")) }) : ""].filter(Boolean).join(word("space"));
     if (!linked) return;
     const own = limits.profiles[value("profile")];
     get("timeout").min = get("timeout-box").min = checked.timeout_range[0];
@@ -320,8 +331,9 @@
       const found = await ask("counters", { ...rest, form: others, ...counts, watched_h: Number(get("watched").value) });
       if (noiseKind !== "counters") return; // the user chose something else meanwhile
       const entries = found.noise_upper_limits;
-      get("counters-said").textContent = word(found.bursts === "seen" ? "counters.bursts" : entries.length ? "counters.found" : "counters.none");
-      if (found.bursts !== "seen" && entries.length) set({ noise: { kind: "counters", entries } });
+      const open = found.unlimited.join(word("comma")), taken = found.bursts !== "seen" && !open && entries.length > 0;
+      get("counters-said").textContent = found.bursts === "seen" ? word("counters.bursts") : open ? word("counters.unlimited", { names: open }) : word(taken ? "counters.found" : "counters.none");
+      if (taken) set({ noise: { kind: "counters", entries } });
     } catch (error) { get("counters-said").textContent = error.values?.problems?.map(({ message }) => message).join(" ") ?? said(error); }
   });
   for (const button of document.querySelectorAll("[data-reset]")) button.addEventListener("click", () => {
@@ -361,7 +373,8 @@
     }));
   };
   const showTiles = () => {
-    if (!law?.figures?.valid) return;
+    get("strip").hidden = !law?.figures?.valid && !own(); // of a line without a law what sizing knows
+    if (get("strip").hidden || !law?.figures) return;
     const shown = figures();
     for (const [list, names] of [[get("tiles"), TILES], [get("strip-figures"), ["mean", "dead", "errors"]]]) {
       made(list, names);
@@ -376,11 +389,12 @@
   };
   const showLaw = () => {
     const valid = law.figures?.valid === true;
-    for (const id of ["tiles", "strip", "curve", "comparing"]) get(id).hidden = !valid;
+    for (const id of ["tiles", "curve", "comparing"]) get(id).hidden = !valid;
     get("reasons").hidden = !law.figures || (valid && !line.without);
     get("reasons").firstElementChild.hidden = valid;
     get("reasons-list").replaceChildren(...(law.figures?.reasons ?? []).map((text) => node("li", {}, text)));
     get("without").checked = line.without;
+    get("without").parentElement.hidden = !line.without && !law.form.also.faults && law.form.noise?.kind !== "file"; // nothing comes or goes
     get("curve-said").textContent = valid ? word(noiseUnknown() ? "curve.fan" : "curve.one") : "";
     showForm();
     showTiles();
@@ -417,7 +431,7 @@
       get("program").textContent = best ? sizing.mov.map((text, place) => `${text.split("  ;")[0]}  ; ${word(`link.mov${place}`, { attempts: best.attempts, timeout: `${10 * best.D8180} ms` })}`).join("\n") : word("no_setting");
       get("copy").disabled = !best;
       get("use").disabled = !best || (here && best.D8179 === here.D8179 && best.D8180 === here.D8180);
-      list("advice", [sizing.apart, ...sizing.unmet.flatMap((each) => each.helps ?? []), ...sizing.otherwise].filter(Boolean));
+      list("advice", [...new Set([sizing.apart, ...sizing.unmet.flatMap((each) => each.helps ?? []), ...sizing.otherwise])].filter(Boolean));
       get("trade-said").textContent = word("link.trade.said");
       const columns = [["D8179", (row) => row.D8179], ["trade.y", (row) => rate(row.false_errors_per_year)], ["dead", (row) => time(row.one_dead_ms)], ["ride", (row) => whole(row.ride_through_ms)]];
       get("table").tHead.replaceChildren(node("tr"));
@@ -441,8 +455,9 @@
     }
     const ports = Object.entries(sized.ports ?? {});
     get("ports").hidden = !ports.length;
-    list("port-list", ports.map(([name, { recommended: best }]) => (best
-      ? word("port_best", { node: name, timeout: best.timeout_ms, retries: best.retries, interval: best.interval_ms }) : word("port_none", { node: name }))));
+    list("port-list", ports.map(([name, { recommended: best, reasons }]) => (best
+      ? word("port_best", { node: name, timeout: best.timeout_ms, retries: best.retries, interval: best.interval_ms }) : [word("port_none", { node: name }), ...reasons].join(word("comma")))));
+    if (!sizing) get("ports").open = true;
     showTiles();
     showNotes();
     drawCharts();
@@ -533,6 +548,7 @@
   const small = () => {
     const place = get("strip-law");
     place.replaceChildren();
+    if (law?.figures?.valid === false) place.textContent = get("verdict").textContent;
     if (!law?.law?.[0].length || !place.clientWidth) return;
     const shown = curves();
     new uPlot({ width: place.clientWidth, height: 60, legend: { show: false }, cursor: { show: false }, padding: [4, 4, 0, 4],
@@ -582,7 +598,7 @@
     const bus = checked?.bus ?? "", times = run.histograms[bus], scene = run.worst[bus], link = run.links[bus];
     get("ran").hidden = false;
     list("run-verdict", [...run.verdict,
-      ...(link && run.means[bus] ? [word("means", { simulated: `${number(link.scan_time_ms.mean)} ms`, exact: `${number(run.means[bus])} ms` })] : [])]);
+      ...(link && run.means[bus] && link.scan_time_ms.mean !== null ? [word("means", { simulated: `${number(link.scan_time_ms.mean)} ms`, exact: `${number(run.means[bus])} ms` })] : [])]);
     get("histogram").hidden = !times;
     get("worst").hidden = !scene;
     if (times) draw("histogram", ofRuns.histogram, { ...times, description: word("histogram") });
@@ -605,7 +621,7 @@
     text.dataset.event = each.event;
   };
   get("run").addEventListener("click", async () => {
-    const total = Number(get("duration").value) || 60, seed = get("seed").value;
+    const total = get("duration").value === "" ? 60 : Number(get("duration").value), seed = get("seed").value;
     runOf = n;
     get("run").hidden = true;
     get("stop").hidden = get("progress").hidden = false;
@@ -624,7 +640,7 @@
       }
       if (!["finished", "failed", "stopped"].includes(last)) event({ event: "failed", text: word("gone") });
     } catch (error) {
-      get("run-said").textContent = error.key ? said(error) : word("failed", { text: String(error) });
+      get("run-said").textContent = error.values?.problems?.map(({ message }) => message).join(" ") ?? (error.key ? said(error) : word("failed", { text: String(error) }));
       get("run-said").dataset.event = "failed";
     }
     runId = null;
@@ -643,6 +659,7 @@
   toggled(get("open"), "opening");
   toggled(get("save"), "saving");
   const take = (found) => {
+    get("open-bad").hidden = true;
     line = { text: found.text, name: found.name, id: found.id, hash: found.hash, form: {}, bus: "", without: false, example: found.name === "", fresh: true };
     past = []; noiseKind = null; range = 0; kept = null; checked = null; run = null;
     get("forget").hidden = true;
@@ -656,7 +673,10 @@
   const entries = (rows) => {
     get("entries").replaceChildren(...rows.map((each) => {
       const item = node("li"), button = node("button", { type: "button", "data-entry": each.name }, each.name);
-      button.addEventListener("click", async () => { if (mayLeave()) take(await ask("open", { id: each.id })); });
+      button.addEventListener("click", async () => {
+        if (!mayLeave()) return;
+        try { take(await ask("open", { id: each.id })); } catch (error) { get("open-bad").hidden = false; get("open-bad").textContent = said(error); }
+      });
       item.append(button, node("span", {}, each.about ? ` ${word("built_in", { about: each.about })}` : ""));
       return item;
     }));
