@@ -234,7 +234,9 @@ def sized(seed: int) -> Iterator[Known | Asked]:
         both = []
         for each in (data, copy.deepcopy(made)):
             each["plcs"][0]["nn"]["retries"] = retries
-            both.append(bussim.exact(from_data(each)).links["link"].errors_per_year or 0.0)
+            # Slaves that did not hear the master's first frames are written as off until then.
+            solved = bussim.exact(from_data(each), ignore_faults=True, refresh=False)
+            both.append(solved.links["link"].errors_per_year or 0.0)
         yield Asked(f"with {retries} retries no less than a tenth", both[1] >= both[0] / 10)
         yield Known(f"with {retries} retries", Estimate(both[1], both[0] / 10, both[0] * 10, 1), both[0])
 
