@@ -202,9 +202,14 @@ def test_a_line_without_a_law_has_what_sizing_knows_beside_its_sliders(seen: See
         "const r = document.getElementById('strip').getBoundingClientRect(); return [r.top, r.bottom]"
     )
     assert bottom - top <= 131
+    place = """const at = (selector) => document.querySelector(selector).getBoundingClientRect().top;
+      return at('#retries') - at('[data-field=retries]')"""
+    before = seen.js(place)
     seen.put("#retries", "0")
     seen.settle()
     assert seen.js(shown) != "348.9 ms"
+    assert seen.one("[data-reset=retries]").is_displayed()
+    assert abs(seen.js(place) - before) < 1  # the button moves nothing
 
 
 def test_what_cannot_be_used_is_said_and_nothing_of_it_is_moved(seen: Seen, tmp_path: Path) -> None:
