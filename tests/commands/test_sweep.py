@@ -171,7 +171,7 @@ def test_interrupted_from_the_keyboard(
         assert main(arguments) == 130
     said = capsys.readouterr()
     assert said.out == ""
-    assert "the same command goes on from there" in said.err
+    assert "the same command goes on from what was run" in said.err
     assert names(here) == {"noisy.yaml", "o.incomplete"}
     assert main(arguments) == 0
     assert "5 runs at 5 points, 1 of them were there already" in capsys.readouterr().out
