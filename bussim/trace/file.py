@@ -207,6 +207,8 @@ class _File:
                     if not text.endswith("\n") and not _is_whole(text):
                         return
                     record = from_line(_parsed(text), self._buses)
+                    if kinds is not None and type(record) not in kinds:
+                        raise ValueError("'type' is given twice")
                     if record is not None:
                         yield record
             except ValueError as error:
