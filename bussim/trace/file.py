@@ -206,15 +206,19 @@ class _File:
                         continue
                     if not text.endswith("\n") and not _is_whole(text):
                         return
-                    record = from_line(_parsed(text), self._buses)
-                    if kinds is not None and type(record) not in kinds:
-                        raise ValueError("'type' is given twice")
+                    record = self._record(text, kinds)
                     if record is not None:
                         yield record
             except ValueError as error:
                 raise UsageError(f"{self._path}:{number}: is not a line of a trace: {error}") from error
             except OSError as error:
                 raise UsageError(f"{self._path} cannot be read: {error.strerror or error}") from error
+
+    def _record(self, text: str, kinds: Collection[type[Record]] | None) -> Record | None:
+        record = from_line(_parsed(text), self._buses)
+        if kinds is not None and type(record) not in kinds:
+            raise ValueError("'type' is given twice")
+        return record
 
     def lacks_its_end(self) -> bool:
         """Whether the last line, in which every trace ends, has no end."""
