@@ -100,7 +100,12 @@ class Desk:
         one is the line's own.
         """
         line = self.line(asked)
-        sized = self.sized(asked, line)
+        try:
+            sized = self.sized(asked, line)
+        except Refusal:
+            if line.bus or asked.goals:
+                raise
+            return {"n": asked.n, "sizing": None, "ports": {}}  # nothing in it can be sized
         ports = {
             node: {"recommended": each["recommended"], "reasons": each.get("reasons", [])}
             for node, each in ((node, found.to_json()) for node, found in sized.ports.items())
