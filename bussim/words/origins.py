@@ -25,7 +25,9 @@ def origin_in_words(origin: str) -> str:
     if part:
         return say("from_in_part", origin=origin_in_words(weakest), files=part.removesuffix(")"))
     name, _, recordings = origin.partition(" in ")
-    return say("from_measured_in", files=recordings) if recordings else say(f"from_{name}")
+    if recordings:
+        return say("from_measured_in", files=recordings)
+    return say(f"from_{name}") if f"from_{name}" in entries() else name
 
 
 def in_words(found: Mapping[str, Mapping[str, str]]) -> list[str]:

@@ -12,7 +12,9 @@ from types import NoneType
 from typing import Any
 
 from bussim.results.meters.latency_record import PARTS
+from bussim.scenario.model import Edge
 from bussim.wording import show
+from bussim.words.origins import CLASSES
 
 #: Raises ValueError with the key (the second argument) where a value is another one than it must be.
 Check = Callable[[Any, str], None]
@@ -36,6 +38,19 @@ _COUNT, _COUNT_OR_NONE = _of("a whole number", int), _of("a whole number or null
 _KNOWN, _NUMBER = _of("a number", int, float), _of("a number or null", int, float, NoneType)
 _TEXT, _TEXT_OR_NONE = _of("a text", str), _of("a text or null", str, NoneType)
 _FLAG, _LIST, _OBJECT = _of("true or false", bool), _of("a list", list), _of("an object", dict)
+
+
+def _one_of(*words: str | None) -> Check:
+    def check(value: Any, where: str) -> None:
+        if value not in words:
+            raise ValueError(f"{where} is {show(value)}, allowed are {', '.join(map(str, words))}")
+
+    return check
+
+
+def _origin(value: Any, where: str) -> None:
+    _TEXT(value, where)
+    _one_of(*CLASSES)(value.partition(" ")[0], where)
 
 
 def _each(kind: Check, one: Check) -> Check:
@@ -114,12 +129,13 @@ _MASTER = {
     "polls": _by_name(_keys({"transactions": _COUNT, **_POLL})),
 }
 _SLAVE = {"station": _COUNT_OR_NONE, "answered": _COUNT, "exceptions rejected": _COUNTS}
-_FREE = {"received timeouts damaged": _COUNT, "bytes": _keys({"sent received": _COUNT})}
+_FREE = {"received timeouts damaged": _COUNT, "messages?": _COUNTS, "bytes": _keys({"sent received": _COUNT})}
 _NODE = {"transactions? sent? requests?": _COUNT, "bus": _TEXT}
 _node = partial(_keys, transactions=_MASTER, sent=_FREE, requests=_SLAVE)
 _LATENCY = {
     "from to kind": _TEXT,
-    "edge way": _TEXT_OR_NONE,
+    "edge": _one_of(None, *Edge),
+    "way": _TEXT_OR_NONE,
     "inverted": _FLAG,
     "changes delivered lost unseen open": _COUNT,
     "ms": _keys(_STATISTICS),
@@ -129,7 +145,7 @@ _LATENCY = {
     "comments?": _by_name(_TEXT),
     "bound_ms?": _by_name(_KNOWN),
 }
-_RESTS = {"inputs figures": _by_name(_TEXT), "assumptions text": _TEXTS}
+_RESTS = {"inputs figures": _by_name(_origin), "assumptions text": _TEXTS}
 #: Raises ValueError with the first key of a summary that is missing, or holds what it may not.
 check_summary = _keys(
     {

@@ -8,6 +8,7 @@ from typing import Any
 from bussim.results.text.lines import labelled, times_in_words
 from bussim.words.formats import meaning_of
 from bussim.words.language import say, shown
+from bussim.words.tables import entries
 
 #: Most polls of a master that have a line.
 _MOST_POLLS = 12
@@ -155,7 +156,8 @@ def _free(node: Mapping[str, Any]) -> str:
     ]
     others = node.get("messages", {})  # a folder of an earlier version does not have it
     if others.get("sent"):
-        became = [say(f"port_others_{word}", number=number) for word, number in others.items() if number]
+        words = (word for word in others if others[word] and f"port_others_{word}" in entries())
+        became = [say(f"port_others_{word}", number=others[word]) for word in words]
         counts.append(say("port_of_others", counts=became))
     return say("comma_list", texts=counts)
 
