@@ -147,7 +147,7 @@ class TextFormatter(Formatter):
             case _ if isinstance(value, str) and format_spec:
                 return value  # of a text that a file kept
             case _:
-                return str(super().format_field(value, format_spec))
+                return "–" if value is None else str(super().format_field(value, format_spec))
 
     def _part(self, key: str) -> str:
         return render(key, lang=self._lang)

@@ -12,7 +12,6 @@ from types import NoneType
 from typing import Any
 
 from bussim.results.meters.latency_record import PARTS
-from bussim.scenario.model import Edge
 from bussim.wording import show
 from bussim.words.origins import CLASSES
 
@@ -134,7 +133,7 @@ _NODE = {"transactions? sent? requests?": _COUNT, "bus": _TEXT}
 _node = partial(_keys, transactions=_MASTER, sent=_FREE, requests=_SLAVE)
 _LATENCY = {
     "from to kind": _TEXT,
-    "edge": _one_of(None, *Edge),
+    "edge": _one_of(None, "rising", "falling", "both"),
     "way": _TEXT_OR_NONE,
     "inverted": _FLAG,
     "changes delivered lost unseen open": _COUNT,
