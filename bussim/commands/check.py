@@ -11,7 +11,6 @@ from bussim.commands.common.output import print_json, print_or_write, to_json
 from bussim.commands.common.scenario_options import code_option, unsimulated_option, values_of
 from bussim.devices.contract import MasterSettings
 from bussim.errors import Problem, UsageError
-from bussim.line.protocols import BusProtocol
 from bussim.plc.program.program import Program
 from bussim.scenario.loader import Examined, examine
 from bussim.scenario.model import Scenario
@@ -83,7 +82,7 @@ def _show(name: str, scenario: Scenario) -> None:
 
 def describe(scenario: Scenario) -> str:
     """What a scenario has in it, in one line."""
-    links = sum(bus.protocol is BusProtocol.NN for bus in scenario.buses)
+    links = len(scenario.links)
     parts = [
         _count(len(scenario.plcs), "PLC"),
         _count(links, "N:N link"),

@@ -17,7 +17,6 @@ from bussim.engines.nn.frames import PARAMETERS_CHARS, POLL_CHARS, data_chars, e
 from bussim.exact.link import MASTER, TIMEOUT_UNIT, LineNoise, LinkModel, NoiseSource, Station, frame_ticks
 from bussim.exact.scan.turnaround_sums import spread_of
 from bussim.line.characters import NN_LINE, LineTiming
-from bussim.line.protocols import BusProtocol
 from bussim.line.uart import Uart
 from bussim.line.wave import Wave, low_intervals
 from bussim.plc.link_registers import (
@@ -73,9 +72,8 @@ def from_scenario(
     needs; without it such a link has no distribution.
     """
     return {
-        bus.name: _LinkReader(scenario, bus.name, ignore_faults=ignore_faults, bound_end=bound_end).read()
-        for bus in scenario.buses
-        if bus.protocol is BusProtocol.NN
+        bus: _LinkReader(scenario, bus, ignore_faults=ignore_faults, bound_end=bound_end).read()
+        for bus in scenario.links
     }
 
 

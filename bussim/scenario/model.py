@@ -266,6 +266,11 @@ class Scenario:
         )
         object.__setattr__(self, "devices", devices)
 
+    @property
+    def links(self) -> list[str]:
+        """The names of the N:N links."""
+        return [bus.name for bus in self.buses if bus.protocol is BusProtocol.NN]
+
     def nodes_on(self, bus: str) -> tuple[str, ...]:
         """What sits on a bus, in the order of its cable: PLCs' ports as in ``plcs``, then devices."""
         names: list[str] = []

@@ -12,7 +12,6 @@ from pydantic import BaseModel, ConfigDict, Field
 from bussim.api import examine
 from bussim.errors import Problem, UsageError
 from bussim.exact.link import TIMEOUT_UNIT
-from bussim.line.protocols import BusProtocol
 from bussim.plc.link_registers import D_MODE, D_RETRIES, D_SLAVES, D_TIMEOUT, setting_values
 from bussim.scenario.loader import Examined
 from bussim.scenario.model import BitErrors, Burst, Impulse, Plc, ReplyLoss, Scenario
@@ -103,7 +102,7 @@ def line_of(text: str, form: Form, bus: str, name: str, files: Mapping[str, byte
     """
     before = examine(text, name=name, files=files) if files else _alone(text, name)
     scenario = before.get()
-    links = [each.name for each in scenario.buses if each.protocol is BusProtocol.NN]
+    links = scenario.links
     if bus and bus not in links:
         raise Refusal(400, "no_bus", "the scenario has no such link", {"links": links})
     line = Line(text, scenario, bus or next(iter(links), ""), before.warnings)
@@ -134,11 +133,10 @@ def values_of(line: Line) -> dict[str, Any]:
     scenario, members = line.scenario, line.members
     master = members.get(0)
     data = _data(line.text)
-    links = [each.name for each in scenario.buses if each.protocol is BusProtocol.NN]
     found: dict[str, Any] = {
         "name": scenario.name,
         "bus": line.bus,
-        "links": links,
+        "links": scenario.links,
         "also": _also(line, data),
         "duration_s": scenario.duration / TICKS_PER_SECOND,
     }

@@ -11,7 +11,6 @@ from bussim.engines.modbus.adu import FIRST_STATION, LAST_STATION
 from bussim.engines.modbus.pdu import WRITES
 from bussim.engines.modbus.server import SPACES, Space
 from bussim.errors import UsageError
-from bussim.line.protocols import BusProtocol
 from bussim.live.fit.link import LinkEstimate
 from bussim.live.fit.modbus import BusEstimate
 from bussim.live.fit.noise import MASTER, NoiseEstimate
@@ -87,10 +86,10 @@ def put_link(scenario: Scenario, link: LinkEstimate, bus: str) -> dict[str, Any]
         if plc.link is not None and plc.link.bus == bus
     }
     if not attached:
-        links = [each.name for each in scenario.buses if each.protocol is BusProtocol.NN]
         raise UsageError(
             f"scenario {scenario.name!r} has no PLCs on an N:N link {bus!r}; its links are "
-            f"{', '.join(links) or 'none'} (--bus names one of the recording, which must be called alike)"
+            f"{', '.join(scenario.links) or 'none'} "
+            "(--bus names one of the recording, which must be called alike)"
         )
     name_of = {number: name for name, number in reversed(attached.items())}
     for plc in data["plcs"]:
