@@ -109,6 +109,7 @@ def _source(
 ) -> Source:
     from bussim.commands.common.output import traced_again
     from bussim.report.runs import Source
+    from bussim.report.scene import worst_scenes
     from bussim.report.tables import turnarounds_of
     from bussim.trace.file import TRACE, read_trace
     from bussim.trace.records import AttemptRecord
@@ -127,8 +128,9 @@ def _source(
     scenes: dict[str, Scene] = {}
     no_trace = ""
     if (folder / TRACE).is_file():
-        turnarounds = turnarounds_of(read_trace(folder).of(AttemptRecord))
-        scenes = _scenes(folder, record, shapes)
+        trace = read_trace(folder)
+        turnarounds = turnarounds_of(trace.of(AttemptRecord))
+        scenes = worst_scenes(trace, record, [bus.name for bus in trace.header.buses], shapes)
         draw = f"bussim timeline {shell_word(folder)} --worst"
         no_trace = say("report_too_much", command=draw)
     else:
@@ -136,27 +138,6 @@ def _source(
     return Source(
         label, str(folder), record, scenario, distributions, no_distribution, turnarounds, scenes, no_trace
     )
-
-
-def _scenes(folder: Path, record: RunRecord, most: int) -> dict[str, Scene]:
-    """The longest link scan of every link, and the longest attempt on every other bus.
-
-    What has more than ``most`` shapes is left to ``bussim timeline``.
-    """
-    from bussim.report.scene import scene_of
-    from bussim.report.trace_window import read_window, worst_window
-    from bussim.trace.file import read_trace
-
-    trace = read_trace(folder)
-    scenes = {}
-    for bus in trace.header.buses:
-        window = worst_window(trace, record, bus.name)
-        if window is None:
-            continue
-        scene = scene_of(read_window(trace, record, bus.name, *window))
-        if len(scene.boxes) + len(scene.marks) <= most:
-            scenes[bus.name] = scene
-    return scenes
 
 
 def _scenario(folder: Path) -> str:
@@ -176,18 +157,12 @@ def _scenario(folder: Path) -> str:
 def _distributions(folder: Path, *, allow_code: bool) -> dict[str, ExactDistribution]:
     """The distribution of every N:N link; of one that faults disturb, the distribution between them."""
     from bussim import api
-    from bussim.exact.from_scenario import from_scenario
-    from bussim.exact.metrics import Request, figures_of
+    from bussim.exact.solution import between_faults
     from bussim.results.store.folder import SCENARIO
 
-    scenario = api.load(folder / SCENARIO, allow_code=allow_code)
-    undisturbed = from_scenario(scenario, ignore_faults=True)
-    distributions = {}
-    for bus, model in from_scenario(scenario).items():
-        # Refreshes take by far the longest, and the run has measured them.
-        figures = figures_of(model if model.valid else undisturbed[bus], Request(refresh=False))
-        distributions[bus] = _distribution(figures)
-    return distributions
+    # Refreshes take by far the longest, and the run has measured them.
+    figures = between_faults(api.load(folder / SCENARIO, allow_code=allow_code))
+    return {bus: _distribution(each) for bus, each in figures.items()}
 
 
 def _distribution(figures: Figures) -> ExactDistribution:

@@ -110,6 +110,15 @@ class Exact:
         return pd.DataFrame.from_dict(kept, orient="index")
 
 
+def between_faults(scenario: Scenario) -> dict[str, Figures]:
+    """Figures of each N:N link, without the ages of blocks; of one with faults those of the time between."""
+    undisturbed = from_scenario(scenario, ignore_faults=True)
+    return {
+        bus: figures_of(model if model.valid else undisturbed[bus], Request(refresh=False))
+        for bus, model in from_scenario(scenario).items()
+    }
+
+
 def exact(
     scenario: Scenario | str | PathLike[str],
     *,

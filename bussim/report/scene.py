@@ -12,9 +12,18 @@ from itertools import pairwise
 
 from bussim.line.characters import CharFormat
 from bussim.line.wave import edge_of, paused
-from bussim.report.trace_window import TraceWindow, in_words, ms, parts_of_scan
+from bussim.report.trace_window import (
+    TraceWindow,
+    in_words,
+    ms,
+    parts_of_scan,
+    read_window,
+    worst_window,
+)
 from bussim.results.meters.timeline import Span
+from bussim.results.run_record import RunRecord
 from bussim.results.text.lines import fault_in_words
+from bussim.trace.file import Trace
 from bussim.trace.levels import timing_of_frame
 from bussim.trace.records import AttemptRecord, FrameRecord, ScanRecord, TransactionRecord
 from bussim.units import seconds
@@ -318,6 +327,22 @@ def scene_of(window: TraceWindow) -> Scene:
         list(_why(window)),
         left_out,
     )
+
+
+def worst_scenes(trace: Trace, record: RunRecord, buses: Iterable[str], most: int) -> dict[str, Scene]:
+    """By bus the longest link scan of an N:N link, and the longest attempt on every other bus.
+
+    What has more than ``most`` shapes is left to ``bussim timeline``.
+    """
+    scenes = {}
+    for bus in buses:
+        window = worst_window(trace, record, bus)
+        if window is None:
+            continue
+        scene = scene_of(read_window(trace, record, bus, *window))
+        if len(scene.boxes) + len(scene.marks) <= most:
+            scenes[bus] = scene
+    return scenes
 
 
 def _damage(frame: FrameRecord, bits: Sequence[int]) -> Iterable[tuple[int, int, str]]:

@@ -7,11 +7,10 @@ from typing import Any, cast
 
 from bussim.api import open_run
 from bussim.exact.metrics import fine_curve
-from bussim.exact.solution import exact
+from bussim.exact.solution import between_faults
 from bussim.report.charts import histogram_chart, scene_chart
 from bussim.report.runs import ExactDistribution
-from bussim.report.scene import MOST_SHAPES, scene_of
-from bussim.report.trace_window import read_window, worst_window
+from bussim.report.scene import MOST_SHAPES, worst_scenes
 from bussim.results.verdict.catalogue import sentence
 from bussim.scenario.model import Scenario
 from bussim.trace.file import TRACE, read_trace
@@ -33,12 +32,8 @@ def finished(folder: Path, scenario: Scenario, lang: str) -> dict[str, Any]:
     }
     worst = {}
     if (folder / TRACE).is_file():
-        trace = read_trace(folder)
-        for bus in record.links:
-            window = worst_window(trace, record, bus)
-            scene = None if window is None else scene_of(read_window(trace, record, bus, *window))
-            if scene is not None and len(scene.boxes) + len(scene.marks) <= MOST_SHAPES:
-                worst[bus] = {**scene_chart(scene, bus), "why": list(scene.why)}
+        scenes = worst_scenes(read_trace(folder), record, record.links, MOST_SHAPES)
+        worst = {bus: {**scene_chart(scene, bus), "why": list(scene.why)} for bus, scene in scenes.items()}
     said = [sentence(each) for each in record.summary["verdict"]]
     found = {
         "links": record.summary["links"],
@@ -55,9 +50,7 @@ def finished(folder: Path, scenario: Scenario, lang: str) -> dict[str, Any]:
 def _laws(scenario: Scenario) -> dict[str, ExactDistribution]:
     """The distribution of each link of a run; of one that faults disturb that of the time between them."""
     laws = {}
-    between = exact(scenario, refresh=False, ignore_faults=True).links
-    for bus, figures in exact(scenario, refresh=False).links.items():
-        law = figures if figures.valid else between[bus]
+    for bus, law in between_faults(scenario).items():
         if law.distribution is not None:
             x, tail = fine_curve(law.distribution)
             laws[bus] = ExactDistribution(law.to_json(), "", law.model.notes, x.tolist(), tail.tolist())
