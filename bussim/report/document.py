@@ -36,7 +36,7 @@ def document(
         environment()
         .get_template(template)
         .render(
-            lang=lang,
+            lang=html_language(lang),
             css=[text(name) for name in ("vendor/uPlot.min.css", "assets/page.css", *styles)],
             scripts=sources,
             hashes=[_hash(each) for each in sources],
@@ -46,6 +46,11 @@ def document(
             **values,
         )
     )
+
+
+def html_language(lang: str) -> str:
+    """What a page calls a language of :data:`~bussim.words.tables.LANGUAGES`."""
+    return "zh-Hans" if lang == "zh" else lang
 
 
 def text(name: str) -> str:

@@ -116,7 +116,7 @@ def report_page(sources: Sequence[Source], command: Sequence[str] = ()) -> str:
         "page.html.jinja",
         ("page.js",),
         {"charts": shown(drawn.payload), "runs": RUNS, "lang": lang, "words": words},
-        lang="zh-Hans" if lang == "zh" else lang,
+        lang=lang,
         title=shown(title),
         runs=runs,
         comparison=comparison,

@@ -42,7 +42,7 @@ def sizing_page(
         ("trade_off.js", "sizing.js"),
         payload,
         styles=("assets/sizing.css",),
-        lang="zh-Hans" if lang == "zh" else lang,
+        lang=lang,
         title=each[title].format(name=name or each["link.about"].format(**items[0]["about"])),
         words=each,
     )

@@ -9,12 +9,13 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
+from bussim.exact.link import TIMEOUT_UNIT
 from bussim.plc.link_registers import D_MODE, D_RETRIES, D_SLAVES, D_TIMEOUT, setting_values
 from bussim.scenario.yaml.dump import dumped_inline
 from bussim.ui.guard import Refusal
 from bussim.ui.line import Line
 from bussim.ui.questions import Asked
-from bussim.units import TICKS_PER_MS
+from bussim.units import TICKS_PER_MS, format_time
 
 _Counts = Annotated[dict[str, Annotated[int, Field(ge=0, le=32767)]], Field(max_length=8, default={})]
 
@@ -67,7 +68,12 @@ def noise_of(asked: CountersAsked, line: Line, site: Callable[[Path], Any]) -> d
         "schema": 1,
         "kind": "readout",
         "profile": members[0].profile.name,
-        "settings": {"slaves": slaves, "mode": mode, "retries": retries, "timeout": f"{10 * timeout} ms"},
+        "settings": {
+            "slaves": slaves,
+            "mode": mode,
+            "retries": retries,
+            "timeout": format_time(timeout * TIMEOUT_UNIT),
+        },
         "watched": f"{asked.watched_h:g} h",
         "stations": stations,
     }

@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import cache
 from importlib.resources import files
 
-from bussim.report.document import environment, payload_text, text
+from bussim.report.document import environment, html_language, payload_text, text
 from bussim.version import __version__
-from bussim.words.tables import page_words
+from bussim.words.tables import LANGUAGES, page_words
 
 #: What the page is made of, in this order.
 _STYLES = ("vendor/uPlot.min.css", "assets/page.css", "assets/sizing.css")
@@ -21,10 +21,10 @@ def words(lang: str) -> dict[str, str]:
 
 def _page(lang: str) -> str:
     """The HTML that the browser gets, with the words of both languages and no figure."""
-    payload = {"charts": [], "runs": [], "lang": lang, "words": {each: words(each) for each in ("en", "zh")}}
+    payload = {"charts": [], "runs": [], "lang": lang, "words": {each: words(each) for each in LANGUAGES}}
     template = environment().from_string(_own("ui.html.jinja"))
     return template.render(
-        lang="zh-Hans" if lang == "zh" else "en",
+        lang=html_language(lang),
         words=words(lang),
         payload=payload_text(payload),
         version=__version__,

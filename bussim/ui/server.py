@@ -126,7 +126,7 @@ class Service:
         )
 
     async def _made(self, request: Request) -> Response:
-        """A page made for printing, once: its address is known to nobody else, and its policy is its own."""
+        """A page made for printing, once: only who asked for it knows its address. Its policy is its own."""
         text = self._waiting.pop(request.path_params["key"], None)
         if text is None:
             return await _not_found(request, KeyError())

@@ -44,19 +44,18 @@ def progress_bar(*, counted: bool = False) -> Iterator[Callable[[str, int, int],
     begin.daemon = True
 
     def progress(what: str, done: int, total: int) -> None:
-        first = not tasks
         if what not in tasks:
             # What was there already is no measure of the speed of the rest.
             tasks[what] = bar.add_task(what, completed=done, total=total)
         bar.update(tasks[what], completed=done, total=total)
-        if first:
+        if begin.ident is None:
             begin.start()
 
     try:
         yield progress
     finally:
         begin.cancel()
-        if tasks:
+        if begin.ident is not None:
             begin.join()
         if bar.live.is_started:
             bar.stop()

@@ -9,6 +9,7 @@ import click
 
 from bussim.errors import UsageError
 from bussim.units import parse_time
+from bussim.words.tables import LANGUAGES
 
 if TYPE_CHECKING:
     from bussim.scenario.yaml.overrides import Override
@@ -41,7 +42,7 @@ def _use_language(ctx: click.Context, _: click.Parameter, lang: str | None) -> N
 #: The language of what a command shows; the command itself need not know it.
 lang_option = click.option(
     "--lang",
-    type=click.Choice(["en", "zh"]),
+    type=click.Choice(LANGUAGES),
     help="Language, English or Chinese. [default: that of the system]",
     callback=_use_language,
     expose_value=False,
