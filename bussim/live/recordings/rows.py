@@ -247,7 +247,7 @@ def socat(lines: Iterable[str]) -> Rows:
                 yield Unreadable(begun, "its bytes are missing")
                 missing = 0
                 continue
-            data += bytes.fromhex("".join(part[0].split()))[:missing]  # some blanks are none to fromhex
+            data += bytes.fromhex(part[0])[:missing]
             missing = int(head[5]) - len(data)
             if not missing:
                 tick = _clock(head[2], head[3], head[4])

@@ -34,6 +34,8 @@ from bussim.units import TICKS_PER_SECOND
 LONGEST_LINE = 200_000
 _START = re.compile(r"#\s*time\s*:\s*start\b", re.IGNORECASE)
 _SEPARATOR = re.compile(r"[\s,;]")
+#: Blanks of other scripts, and those that do not break: bytes and times are written with plain ones.
+_BLANK = re.compile(r"[^\S\t\n\v\f\r ]")
 _NOT_ASCII = re.compile(rb"[\x80-\xff]+")
 #: Lines by which the form is recognised.
 _EXAMINED = 200
@@ -185,7 +187,7 @@ def _lines(file: TextIO) -> Iterator[str]:
             while (rest := file.readline(LONGEST_LINE)) and not rest.endswith("\n"):
                 pass
             line = "longer than any line: " + line[:20]
-        yield line
+        yield line if line.isascii() else _BLANK.sub(" ", line)
 
 
 def _heading(line: str) -> list[str]:

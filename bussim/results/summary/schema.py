@@ -42,7 +42,8 @@ _FLAG, _LIST, _OBJECT = _of("true or false", bool), _of("a list", list), _of("an
 def _one_of(*words: str | None) -> Check:
     def check(value: Any, where: str) -> None:
         if value not in words:
-            raise ValueError(f"{where} is {show(value)}, allowed are {', '.join(map(str, words))}")
+            allowed = ", ".join(word or "null" for word in words)
+            raise ValueError(f"{where} is {show(value)}, allowed are {allowed}")
 
     return check
 

@@ -191,6 +191,15 @@ def test_files_are_decoded_by_their_byte_order_mark(encoding: str, tmp_path: Pat
     same(read(path))
 
 
+@pytest.mark.parametrize("blank", ["\u00a0", "\u2003", "\u3000"])
+def test_blanks_of_other_scripts_are_blanks(blank: str, tmp_path: Path) -> None:
+    """As a page or a word processor leaves them: no-break, em and ideographic space."""
+    lines = ("0.1 > 01 03 00 00 00 01 84 0a", "0.2 < 01 03 02 00 07 f9 86")
+    path = tmp_path / "line.txt"
+    path.write_text("\n".join(line.replace(" ", blank) for line in lines), encoding="utf-8")
+    assert sniffed(path, "-b", "9600", "--protocol", "modbus-rtu")["outcomes"] == {"ok": 1}
+
+
 def test_nothing_has_to_be_said_of_a_text(tmp_path: Path) -> None:
     path = tmp_path / "line.txt"
     path.write_text("\n".join(FORMS["plain"]()), encoding="utf-8")
