@@ -11,8 +11,6 @@
 Noise on a line is never an exception: damaged bytes are events of an engine.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 

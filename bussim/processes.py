@@ -1,7 +1,5 @@
 """Processes that this one starts: signals while they are started, and their end with it."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -5,8 +5,6 @@
 Only the edges of the program (YAML in, tables out) know seconds.
 """
 
-from __future__ import annotations
-
 import re
 from decimal import Decimal
 from fractions import Fraction

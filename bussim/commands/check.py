@@ -1,7 +1,5 @@
 """``bussim check``: every mistake and every warning of a scenario, without running it."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 

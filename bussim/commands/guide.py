@@ -1,7 +1,5 @@
 """``bussim guide``: the manual, in the terminal and without a network."""
 
-from __future__ import annotations
-
 import re
 import sys
 from importlib.resources import files

@@ -1,7 +1,5 @@
 """``bussim inject``: a fault in a scenario that is being served."""
 
-from __future__ import annotations
-
 import click
 
 from bussim.commands.common.output import print_json

@@ -1,7 +1,5 @@
 """``bussim new``: a commented scenario of one N:N link, to begin with."""
 
-from __future__ import annotations
-
 import re
 
 import click

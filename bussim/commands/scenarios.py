@@ -1,7 +1,5 @@
 """``bussim scenarios``: list, show and copy the built-in scenarios."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

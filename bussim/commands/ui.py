@@ -1,7 +1,5 @@
 """``bussim ui``: a line on a page of the browser."""
 
-from __future__ import annotations
-
 import secrets
 import socket
 import webbrowser

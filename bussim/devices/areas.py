@@ -1,7 +1,5 @@
 """Register maps made of address ranges: what all device models share."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence

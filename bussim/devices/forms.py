@@ -1,7 +1,5 @@
 """Entries of ``devices`` as the file has them: what every model has, and the kinds of models."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import replace

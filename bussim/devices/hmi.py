@@ -1,7 +1,5 @@
 """The device model ``hmi``: a master that works through its polls without a scan, an HMI or a PC."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from bussim.devices.contract import Behaviour, BusDevice, MasterSettings

@@ -1,7 +1,5 @@
 """The device models by name. A model is loaded when a scenario has a device of it."""
 
-from __future__ import annotations
-
 from importlib import import_module
 from typing import Annotated, NoReturn
 

@@ -1,7 +1,5 @@
 """What the serial port of a device model needs and allows, each a named field."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from fractions import Fraction
 

@@ -10,8 +10,6 @@ so that an engine that a frame does not concern costs one call and a comparison 
 know them passes over them.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from typing import NamedTuple, Protocol, TypeVar
 

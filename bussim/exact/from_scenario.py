@@ -6,8 +6,6 @@ closed form cannot describe, becomes a reason why the distribution does not hold
 left out instead, since the distribution between such events is well defined; then a note says so.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Points of a distribution for a drawing: few enough for a page, and steps stay steps."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The figures of one link with one setting: what ``bussim exact`` prints and its JSON form."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace

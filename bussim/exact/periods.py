@@ -1,7 +1,5 @@
 """The parts of a run between which faults and noise come and go, each with its own link."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 from bussim.exact.from_scenario import from_scenario

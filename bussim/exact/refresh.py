@@ -10,8 +10,6 @@ Simplified: a reply in which the master read no header and which the receiver to
 of the timeout, which is taken at its longest where turnarounds are not symmetric.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """The distribution of a link scan and the stations' chances of error, for any noise."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Figures in words that a technician follows, rounded so that they claim no more than they know."""
 
-from __future__ import annotations
-
 import math
 from decimal import ROUND_FLOOR, Decimal
 

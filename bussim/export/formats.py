@@ -1,7 +1,5 @@
 """The formats, each with its writer: one line here and one module make a new one."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path

@@ -6,8 +6,6 @@ bit 7 free: there it marks one whose parity or stop bit was wrong (in N:N and Mo
 dissectors of this package know).
 """
 
-from __future__ import annotations
-
 from importlib.resources import files
 from pathlib import Path
 from typing import Final

@@ -4,8 +4,6 @@ Own, because it is four kinds of blocks, and the libraries that write them are n
 (python-pcapng) or bring a whole network stack with them (scapy).
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterable, Mapping
 from ipaddress import IPv4Address

@@ -7,8 +7,6 @@ wrong (failed attempts, damaged frames, flags) is an instant on the track that i
 Times are microseconds with five decimals, which name each tick uniquely.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from itertools import pairwise

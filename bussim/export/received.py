@@ -6,8 +6,6 @@ receiver only, it does not see.
 A character belongs to the frame that began last before it.
 """
 
-from __future__ import annotations
-
 import heapq
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple

@@ -5,8 +5,6 @@ channels, ``logic-1-1``, ``logic-1-2``, … hold the samples, a bit a channel, l
 Sample 0 is the window's first microsecond, or where a frame begins then, of the idle line before it.
 """
 
-from __future__ import annotations
-
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Frames as a table, CSV or Parquet: one row a frame, by their first edges."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from bussim.export.received import Received, receive

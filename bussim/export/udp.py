@@ -6,8 +6,6 @@ number, such as a master, ``10.B.255.255`` all stations (a broadcast). A frame t
 response goes from port 5020 to port 5020.
 """
 
-from __future__ import annotations
-
 import struct
 from ipaddress import IPv4Address
 

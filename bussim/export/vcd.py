@@ -5,8 +5,6 @@ before it). Each bus is a scope with its own lane and one for
 each transmitter, see :mod:`bussim.export.lanes`.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

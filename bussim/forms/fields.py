@@ -3,8 +3,6 @@
 Every validator raises with a predicate that follows the value's name: "is 12, allowed 0..10".
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from decimal import Decimal

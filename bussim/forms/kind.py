@@ -4,8 +4,6 @@ The patterns are ECMAScript's, whose classes know ASCII alone: what a pattern le
 scripts above all, is decided by what reads the value.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any

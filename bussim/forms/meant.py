@@ -1,7 +1,5 @@
 """What a value is in the file, and what a wrong one may have been meant as."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from typing import Any

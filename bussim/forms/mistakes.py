@@ -1,7 +1,5 @@
 """Where mistakes in a scenario file are reported, as forms and device models see it."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 #: Keys and list positions from the top of a scenario down to a value.

@@ -1,7 +1,5 @@
 """What is wrong or odd about devices of a PLC that a mapping gives values to."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 
 from bussim.forms.mistakes import Path, Reporter

@@ -1,7 +1,5 @@
 """The checks that Modbus frames carry: CRC-16 (RTU) and LRC (ASCII)."""
 
-from __future__ import annotations
-
 from fastcrc.crc16 import modbus as _crc16_modbus
 
 

@@ -1,7 +1,5 @@
 """The level of a line on which several drivers may be on at once."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from enum import StrEnum
 from hashlib import blake2b

@@ -1,7 +1,5 @@
 """What runs on an RS485 bus as a whole."""
 
-from __future__ import annotations
-
 from enum import StrEnum
 
 

@@ -4,8 +4,6 @@ It starts on a falling edge, samples at bit centres, and is ready for the next e
 the (first) stop bit. A start bit that is high at its centre was a glitch: it waits for the next edge.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from bussim.line.characters import LineTiming

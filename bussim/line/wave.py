@@ -4,8 +4,6 @@ Times are ticks; an interval is low from its first tick up to, not including, it
 where several drivers are on stands in :mod:`bussim.line.contention`.
 """
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from functools import cache

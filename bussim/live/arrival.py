@@ -7,8 +7,6 @@ what was heard or sent before it: where the chunk does not fit in between (a pse
 bytes take no time), its characters share the time that there is.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """Real time in ticks: the only clock of bussim, and only for what runs on real ports."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 

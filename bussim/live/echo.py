@@ -1,7 +1,5 @@
 """What a port receives of what it sends itself, as some RS485 adapters do."""
 
-from __future__ import annotations
-
 from bussim.engines.modbus.adu import Adu
 from bussim.engines.modbus.pdu import WRITE_ONE
 from bussim.engines.nn.frames import Frame

@@ -14,8 +14,6 @@ URL                     what it is
 and everything else that pyserial's ``serial_for_url`` knows.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os

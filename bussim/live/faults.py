@@ -1,7 +1,5 @@
 """Faults of a served slave: what happens to its next replies, as a test arranges it beforehand."""
 
-from __future__ import annotations
-
 import threading
 from collections import deque
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """A TCP port that waits for a client, as a port: raw bytes, one client at a time."""
 
-from __future__ import annotations
-
 import contextlib
 import select
 import socket

@@ -1,7 +1,5 @@
 """Modbus masters and slaves on real ports."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import replace

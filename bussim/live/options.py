@@ -1,7 +1,5 @@
 """How a port on a real wire is to be treated: settings that a simulation does not need."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import StrEnum
 

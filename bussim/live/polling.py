@@ -1,7 +1,5 @@
 """A poll list on a real port: turns as they end, and a stop when every poll had its turns."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import assert_never

@@ -1,7 +1,5 @@
 """A port in real time: characters with their times in, transmissions at their times out."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable
 

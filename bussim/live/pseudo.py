@@ -1,7 +1,5 @@
 """A new pseudo-terminal as a port (POSIX): what opens its other end finds a serial port."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import select

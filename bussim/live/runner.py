@@ -1,7 +1,5 @@
 """Runs one protocol engine on one port in real time."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable
 from typing import Any

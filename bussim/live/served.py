@@ -1,7 +1,5 @@
 """A Modbus slave on a port of its own, in a thread of its own: without a scenario around it."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Mapping
 from functools import partial

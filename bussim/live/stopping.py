@@ -1,7 +1,5 @@
 """Ctrl-C as a request: what runs ends its step, and everything is closed and reported in order."""
 
-from __future__ import annotations
-
 import signal
 import threading
 import time

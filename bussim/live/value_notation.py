@@ -14,8 +14,6 @@ The names are mbpoll's (``uint`` is its format without a name). Two registers ca
 ``big`` puts the high word first. Whole numbers are decimal or begin with 0x.
 """
 
-from __future__ import annotations
-
 import re
 import struct
 from collections.abc import Iterable, Sequence

@@ -1,7 +1,5 @@
 """Waits for whatever comes first on several wires."""
 
-from __future__ import annotations
-
 import select
 import time
 from collections.abc import Sequence

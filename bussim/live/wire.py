@@ -1,7 +1,5 @@
 """Bytes on a port that may be lost and come back."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass

@@ -5,8 +5,6 @@ An input changes when its stimulus says so, and the PLC samples it at the beginn
 order, with the new level.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from bisect import bisect_right
 from collections.abc import Iterator

@@ -4,8 +4,6 @@ The common names are D8201–D8218 and M8183–M8191 (PW10, section 7.5). An FX1
 master's error, M505–M511 for the slaves', and M503 for the running link (FX communication manual).
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from bussim.plc.memory import Device, Family

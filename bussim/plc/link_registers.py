@@ -4,8 +4,6 @@ Devices and their meaning: PW10 board manual, sections 7.4 and 7.5; the mirrors 
 communication manual, chapter 12.2.
 """
 
-from __future__ import annotations
-
 from array import array
 from collections.abc import Container, Iterable, Mapping
 

@@ -6,8 +6,6 @@ END on that ends the scan: by its own ports, which act before the next scan begi
 takes the image that is frozen at END.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 from bussim.plc.inputs import NEVER, Change, Stimulus

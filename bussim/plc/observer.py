@@ -1,7 +1,5 @@
 """What records a PLC's run."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Protocol
 

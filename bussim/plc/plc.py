@@ -1,7 +1,5 @@
 """One PLC: supply, RUN and STOP, memory, scan cycle, ports, and the sources of its block."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import Enum
 from fractions import Fraction

@@ -7,8 +7,6 @@ line V1.02, section 2; "fit" was derived from the link times published by FX; "a
 public source says so, and is therefore a field that a scenario can change.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from fractions import Fraction

@@ -5,8 +5,6 @@ tick with another value (None: never). Both count from the start of the simulati
 that the time at which a value was written follows from it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

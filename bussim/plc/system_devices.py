@@ -9,8 +9,6 @@ since RUN, in 0.1 ms (rounded down: assumed; 0 before a whole one); D8013–D801
 month, year and day of the week (0: Sunday) of a clock that a battery keeps going.
 """
 
-from __future__ import annotations
-
 from array import array
 from collections.abc import Sequence
 from datetime import datetime, timedelta

@@ -1,7 +1,5 @@
 """The numbers behind a report's charts, for the script in the page."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 

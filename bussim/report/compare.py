@@ -1,7 +1,5 @@
 """Several runs side by side: settings, figures and scenarios, with what differs from the first run."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any

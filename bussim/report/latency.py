@@ -1,7 +1,5 @@
 """A report's part on latencies: sentences, tables, and of each entry its histogram and what it is made of."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Tables and histograms of what is beside the N:N links: buses, ports of PLCs, and devices."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 

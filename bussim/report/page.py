@@ -1,7 +1,5 @@
 """The report: one HTML page that needs nothing else, from finished runs."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

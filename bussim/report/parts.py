@@ -1,7 +1,5 @@
 """The numbered charts of a report's page."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any

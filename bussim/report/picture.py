@@ -1,7 +1,5 @@
 """A timeline as a picture, like a logic analyser's: matplotlib's PNG and SVG."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """What a report is made from: finished runs and their links' exact distributions, as plain data."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

@@ -4,8 +4,6 @@ Times are ticks of 1/72 MHz. A lane is a line of the picture: the link scans, th
 master, a node of the bus each, what else happened, and the devices that changed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise

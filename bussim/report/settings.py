@@ -3,8 +3,6 @@
 PW10 board manual, sections 5 and 7 (D8176–D8180, M8179; under M8002, on an FX under M8038).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The sizing page: one HTML file with every setting that its sliders reach, in English and Chinese."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 

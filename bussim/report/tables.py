@@ -1,7 +1,5 @@
 """A report's tables as plain values; the page's template draws them all in one way."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What the exact law of a link says beyond a run's verdict, in sentences."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any

@@ -3,8 +3,6 @@
 Times are ticks of 1/72 MHz from the start of the run.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby

@@ -1,7 +1,5 @@
 """Numbers as ``summary.json`` has them: times in ms, instants in s, both to the nanosecond."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import accumulate, pairwise
 

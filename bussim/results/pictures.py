@@ -1,7 +1,5 @@
 """The pictures that belong to a run's folder, drawn when its numbers are whole."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What each PLC itself calls a register that ``summary.json`` lists under a name common to all families."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The scenarios that come with bussim."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from bussim.errors import UsageError

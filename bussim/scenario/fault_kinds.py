@@ -3,8 +3,6 @@
 Those that damage single frames act ``count`` times; the others last for their window.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import StrEnum
 from fractions import Fraction

@@ -4,8 +4,6 @@ Published: in a manual. Measured: in a recording that the scenario names (``meas
 published link times. Entered: by the user. Assumed: since no public source says so.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 
 from bussim.plc.link_registers import D_STATION

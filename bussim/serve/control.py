@@ -14,8 +14,6 @@ is ever reachable from another computer.
 Every reply has ``ok``; where it is false, ``error`` says why in words.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hmac
 import json

@@ -1,7 +1,5 @@
 """Lines of the simulation with external nodes: a :class:`Bridge` connects the two."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Self

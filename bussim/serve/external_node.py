@@ -1,7 +1,5 @@
 """What is on the other side of a wire, as a line of the simulation and its bridge see it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from bussim.line.characters import LineTiming

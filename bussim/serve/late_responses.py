@@ -1,7 +1,5 @@
 """Responses that a simulated master on a real port took soon after a timeout: they may be late ones."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 from bussim.engines.modbus.codes import MEANINGS, PortError

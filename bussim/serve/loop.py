@@ -1,7 +1,5 @@
 """Simulated time that keeps step with real time."""
 
-from __future__ import annotations
-
 import gc
 from collections.abc import Callable, Sequence
 

@@ -1,7 +1,5 @@
 """The replies of a running session to requests; see :mod:`bussim.serve.control`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import count

@@ -1,7 +1,5 @@
 """The nodes of a scenario that can be served, the ports to serve them on, and the lines that they form."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import assert_never

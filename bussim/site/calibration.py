@@ -5,8 +5,6 @@ attempts made at it; A and slot (gap, poll, turnaround, data frame) follow from 
 with one. Readings are rounded, so times have the intervals that the rounding leaves.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """From a file to a readout or a calibration, or to every mistake in it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise

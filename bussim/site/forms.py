@@ -1,7 +1,5 @@
 """The forms of a readout, a calibration and a profile file. Times are ticks."""
 
-from __future__ import annotations
-
 import re
 from typing import Annotated, Any
 

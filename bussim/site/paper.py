@@ -1,7 +1,5 @@
 """The form to print and fill in by hand."""
 
-from __future__ import annotations
-
 #: The languages that it is there in.
 LANGUAGES = ("en", "zh")
 

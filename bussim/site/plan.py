@@ -1,7 +1,5 @@
 """How long to watch with which reading, until it tells a link's noise to a factor of two either way."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import prod

@@ -4,8 +4,6 @@ A register that was not read is absent; it is never taken as 0. Registers have t
 the family calls them, and codes the values that the PLC stores (code 21 is 0x21).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

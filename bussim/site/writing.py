@@ -1,7 +1,5 @@
 """A readout of a simulated run, as a technician could have noted it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Where the runs of a sweep are simulated: processes of this machine, or the workers of a Dask cluster."""
 
-from __future__ import annotations
-
 import os
 import re
 import sys

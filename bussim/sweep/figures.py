@@ -1,7 +1,5 @@
 """The figures of a run as one flat row: the columns of ``runs.csv``."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any

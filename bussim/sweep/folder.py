@@ -1,7 +1,5 @@
 """The folder of a sweep: made beside its target, gone on with after any interruption, moved when whole."""
 
-from __future__ import annotations
-
 import contextlib
 import sys
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """What makes a sweep this sweep and not another one: the content of ``sweep.json``."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path

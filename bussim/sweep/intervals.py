@@ -1,7 +1,5 @@
 """Means of repeated runs and their 95 % confidence intervals."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """One run of a sweep as a task for any process on any machine."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The finished runs of a sweep in the making, kept so that a process killed at any time loses none."""
 
-from __future__ import annotations
-
 import json
 import os
 import time

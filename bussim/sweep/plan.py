@@ -1,7 +1,5 @@
 """What a sweep is to run: the points, their runs and seeds, all of it checked before anything runs."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Callable, Iterable, Sequence

@@ -1,7 +1,5 @@
 """Pictures of a sweep: lines with error bands over one key, heat maps over two."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from math import isfinite, log10, nan
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The tables of a sweep: one row a run, and one row a point with means and confidence intervals."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path

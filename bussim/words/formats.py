@@ -12,8 +12,6 @@ nothing), ``part`` (the text of another key), ``devices`` (special devices of th
 ``serial`` (a code of D8063).
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping
 from string import Formatter

@@ -5,8 +5,6 @@ are the same in every language; what prints, draws or writes a page shows it in 
 (:func:`shown`).
 """
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """Where figures come from, in words: classes of what they are made of, and so of the figures."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 

@@ -1,7 +1,5 @@
 """A histogram in a terminal."""
 
-from __future__ import annotations
-
 from math import floor, log10
 
 from bussim.results.meters.histogram import BIN_TICKS, Histogram

@@ -1,7 +1,5 @@
 """Where commands print their tables, and how these look."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from rich.console import Console

@@ -1,7 +1,5 @@
 """How far a command is: bars on a terminal, elsewhere a line now and then of what takes minutes."""
 
-from __future__ import annotations
-
 import sys
 import threading
 import time

@@ -1,7 +1,5 @@
 """``bussim site``: what the registers of a link say, read with nothing but the programming tool."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

@@ -1,7 +1,5 @@
 """What ``bussim site`` prints."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from math import ceil
 from statistics import median

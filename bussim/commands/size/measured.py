@@ -1,7 +1,5 @@
 """How long the responses of a run took, for ``bussim size --responses``."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

@@ -1,7 +1,5 @@
 """What ``bussim size`` prints of a Modbus poll list."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """What ``bussim size`` prints: the recommendation and its cost first, then what it was chosen from."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import partial

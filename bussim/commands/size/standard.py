@@ -1,7 +1,5 @@
 """The sizing page of the usual links: 2 to 8 stations, refresh modes 0 to 4."""
 
-from __future__ import annotations
-
 from bussim.commands.size.uniform_link import DEFAULT_PROFILE, uniform_link
 from bussim.exact.sizing.page.items import Detail, page_items
 from bussim.exact.sizing.sized import size

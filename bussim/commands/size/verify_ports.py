@@ -5,8 +5,6 @@ with the closed form at that noise, and the cycles with their bounds; then once 
 costs most.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

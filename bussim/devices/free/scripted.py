@@ -1,7 +1,5 @@
 """A device with a protocol of its own: it sends fixed messages, by the clock or as replies."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

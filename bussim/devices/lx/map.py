@@ -15,8 +15,6 @@ Y0–Y377 (octal)    0xFC00   256
 The note prints X0–255 and M8000–8256; the devices are those of the PLC's memory.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from bussim.devices.areas import Area, AreaMap, Part

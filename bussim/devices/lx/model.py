@@ -1,7 +1,5 @@
 """The device model ``lx``: a PLC as Modbus slave of which nothing else is simulated."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from pydantic import Field

@@ -1,7 +1,5 @@
 """A register map that a scenario defines: fixed values, ramps, noise, functions, and plain memory."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Where the values of a register map that a scenario defines come from, as functions of the tick."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from hashlib import blake2b

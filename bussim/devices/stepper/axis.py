@@ -1,7 +1,5 @@
 """The stepper controller's axis: where it is, what it is doing, and its inputs, the switches along it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction

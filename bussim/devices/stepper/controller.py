@@ -4,8 +4,6 @@ Choices that the manual leaves open are fields of the profile, or marked here as
 ticks; every method takes the present one.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Sequence
 

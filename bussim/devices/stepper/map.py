@@ -1,7 +1,5 @@
 """The stepper motor controller as Modbus slave (stepper controller manual, sections 3 to 7)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import partial
 

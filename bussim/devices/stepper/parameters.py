@@ -1,7 +1,5 @@
 """What the stepper controller's registers hold, working and saved."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 from bussim.devices.stepper.registers import BY_NAME, MAX_STEPS, REGISTERS, Group, Register

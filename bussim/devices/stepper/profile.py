@@ -1,7 +1,5 @@
 """What the stepper controller's manual leaves open: our choices, each a named field."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import StrEnum
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """A project of the stepper controller: the order of its steps, and what a running step waits for."""
 
-from __future__ import annotations
-
 from enum import StrEnum
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The stepper controller's registers and coils, as its manual's tables 5 and 6 list them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from enum import StrEnum
 from typing import Final, NamedTuple

@@ -1,7 +1,5 @@
 """A V80 or PPC controller as Modbus slave (V80/PPC Modbus protocol, version 1.2)."""
 
-from __future__ import annotations
-
 from array import array
 from collections.abc import Sequence
 from fractions import Fraction

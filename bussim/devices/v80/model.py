@@ -1,7 +1,5 @@
 """The device model ``v80``: a V80 or PPC controller, its items by reference number."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Annotated, Any

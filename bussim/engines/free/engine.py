@@ -1,7 +1,5 @@
 """The free protocol of one port: RS2 with protocol 10H."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

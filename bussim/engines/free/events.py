@@ -1,7 +1,5 @@
 """Everything that the free protocol's engine reports. Frozen values; times are ticks."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from enum import StrEnum
 

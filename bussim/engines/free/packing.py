@@ -1,7 +1,5 @@
 """How the bytes of the free protocol lie in D registers (PW10 board manual, sections 5 and 6)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 

@@ -1,7 +1,5 @@
 """The state machine of a reception in the free protocol, as a table."""
 
-from __future__ import annotations
-
 from enum import StrEnum
 
 

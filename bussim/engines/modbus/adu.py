@@ -10,8 +10,6 @@ ASCII  ``:``, then station, PDU and LRC as hexadecimal text, CR, LF  7 + 2 × PD
 (Modbus over serial line, section 2.5; V80 manual, figures 1-1 and 1-2.)
 """
 
-from __future__ import annotations
-
 from binascii import hexlify
 from enum import StrEnum
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Modbus exception codes, and the error codes that a PLC's port keeps in D8063."""
 
-from __future__ import annotations
-
 from enum import IntEnum, StrEnum
 from typing import Final
 

@@ -1,7 +1,5 @@
 """The silences of Modbus RTU: what ends a frame and what damages it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """The Modbus master of one port: one transaction at a time, as one RS2 instruction drives it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

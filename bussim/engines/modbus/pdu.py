@@ -4,8 +4,6 @@ A PDU is what RTU and ASCII frames carry between the station number and the chec
 and its data, at most 253 bytes. What cannot be decoded is a value (:class:`Malformed`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from enum import IntEnum, StrEnum
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """A master that works through a poll list on its own, without a PLC's scan: an HMI, a PC."""
 
-from __future__ import annotations
-
 from bussim.engines.contract import DEADLINE, EVENTS, RxChar
 from bussim.engines.modbus.adu import Adu
 from bussim.engines.modbus.codes import MEANINGS, PortError

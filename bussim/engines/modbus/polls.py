@@ -1,7 +1,5 @@
 """Poll lists: which transaction is next, how often it is retried, and when it comes round again."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar

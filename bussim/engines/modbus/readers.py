@@ -1,7 +1,5 @@
 """What the readers of RTU and ASCII frames have in common: the frame that is open."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 
 from bussim.engines.contract import RxChar

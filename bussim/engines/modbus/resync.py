@@ -4,8 +4,6 @@ RTU and ASCII carry no transaction number. A response that comes after its timeo
 one, and a master that takes it is one response behind from then on.
 """
 
-from __future__ import annotations
-
 from bussim.engines.contract import DEADLINE, EVENTS, OPEN, RxChar
 from bussim.engines.modbus.adu import Adu, Damage
 from bussim.engines.modbus.codes import PortError

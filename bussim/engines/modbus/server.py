@@ -1,7 +1,5 @@
 """What a slave does with a request: the checks of the standard, over any register map."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from enum import StrEnum
 from typing import Protocol

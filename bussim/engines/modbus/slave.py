@@ -1,7 +1,5 @@
 """The Modbus slave: one or more stations behind one port, each a register map."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass

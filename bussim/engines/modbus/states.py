@@ -3,8 +3,6 @@
 The engines take every change of state from these tables.
 """
 
-from __future__ import annotations
-
 from enum import StrEnum
 
 

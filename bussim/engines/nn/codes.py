@@ -3,8 +3,6 @@
 The numbers are hexadecimal as the manual prints them: code 21 is stored as 0x21.
 """
 
-from __future__ import annotations
-
 from typing import Final
 
 NO_REPLY: Final = 0x01  # master, about a slave: no reply within the timeout

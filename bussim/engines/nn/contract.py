@@ -4,8 +4,6 @@ A station's block is its PLC's memory as of the latest END. The engine keeps non
 the image when a frame needs one, and stores what other stations sent.
 """
 
-from __future__ import annotations
-
 from typing import Protocol, TypeVar
 
 from bussim.engines.contract import OPEN, OWN_HINTS, Engine

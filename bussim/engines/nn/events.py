@@ -1,7 +1,5 @@
 """Everything that the N:N engines report. Frozen values; times are ticks."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from bussim.engines.nn.frames import LinkSettings

@@ -5,8 +5,6 @@ JY992D69901, chapters 4 and 12.2. The order of frames follows from the published
 damaged reply fails its attempt, and the parameter frame, are assumed.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from bussim.engines.contract import DEADLINE, EVENTS, OPEN, TRANSMIT, RxChar

@@ -6,8 +6,6 @@ which station a damaged frame belongs to, the watchdog's length) is assumed; the
 those of the PW10 board manual, section 7.5, and the FX communication manual JY992D69901, chapter 12.2.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

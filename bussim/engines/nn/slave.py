@@ -4,8 +4,6 @@ Parameters and codes: PW10 board manual, section 7.5; FX communication manual JY
 and 12.2. That a slave without the master's mode reports 7348/7448 and stays silent until STOP is assumed.
 """
 
-from __future__ import annotations
-
 from bussim.engines.contract import DEADLINE, EVENTS, OPEN, TRANSMIT, RxChar
 from bussim.engines.nn import codes
 from bussim.engines.nn.contract import STORED

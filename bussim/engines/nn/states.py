@@ -5,8 +5,6 @@ settings are taken over at STOP→RUN, and that a slave waits for the master's: 
 JY992D69901.
 """
 
-from __future__ import annotations
-
 from enum import StrEnum
 
 

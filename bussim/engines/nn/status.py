@@ -3,8 +3,6 @@
 D8201–D8218 and M8183–M8191: PW10 board manual, section 7.5.
 """
 
-from __future__ import annotations
-
 from bussim.engines.nn.codes import COUNT_LIMIT
 
 STATIONS = 8

@@ -8,8 +8,6 @@ state and the matrices are numbers. All entries are sums and products of positiv
 Times in ticks. A bit's error probability is taken from the state at its end instead of its centre.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cached_property, lru_cache
 from typing import NamedTuple

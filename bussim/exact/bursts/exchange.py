@@ -11,8 +11,6 @@ torn reply's end is shifted (by nine bits at most) is taken as independent of th
 is shifted is not.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import NamedTuple
 

@@ -10,8 +10,6 @@ follow sixteen scans in which a listener heard no frame of the master, one in si
 earlier than is worked out, so that gaps are on the long side.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

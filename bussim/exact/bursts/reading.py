@@ -11,8 +11,6 @@ or else as random; of all data zeros are read as headers most often. Station, co
 over the hexadecimal digits, as the counter moves on from scan to scan.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import cache
 from typing import NamedTuple

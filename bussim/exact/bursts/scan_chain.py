@@ -7,8 +7,6 @@ chain of scan starts (not the distribution at a random instant: scans that meet 
 fewer of them begin in one). With the policy ``probe`` that chain also holds which flags are on.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple

@@ -29,8 +29,6 @@ the flags of all of them are on (until then each takes all its attempts once).
 No station repeats a frame that only the target misses: each such frame adds :attr:`LatencyBound.missed`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 from bussim.engines.nn.frames import MODES

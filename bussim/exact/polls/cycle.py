@@ -6,8 +6,6 @@ turn of each other poll, commands (polls with ``times``) among them. A cycle is 
 ``times`` had a turn.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -4,8 +4,6 @@ The figures are those without errors: noise and faults are left out (and named),
 fault makes slow is as slow as that, and one that is dead for the whole run is named.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import partial

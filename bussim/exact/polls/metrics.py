@@ -1,7 +1,5 @@
 """The figures of one poll list: what ``bussim exact`` prints of it, and its JSON form."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """One poll of a master: its frames, its slave and when it responds, or why not every time. Times in ticks."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial

@@ -1,7 +1,5 @@
 """A master and its polls as the closed form sees them. All times are ticks."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from bussim.exact.polls.master_timing import Direct, MasterTiming, Span

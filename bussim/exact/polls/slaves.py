@@ -1,7 +1,5 @@
 """The Modbus slaves of a scenario as the closed form of a poll list needs them. Times in ticks."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from bussim.devices.areas import AreaMap

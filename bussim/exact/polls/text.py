@@ -1,7 +1,5 @@
 """Poll lists in words that a technician follows."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 from bussim.exact.polls.master_timing import Span

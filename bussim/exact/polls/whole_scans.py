@@ -8,8 +8,6 @@ from positive terms, each cell's mass taken as uniform over the cell: the error 
 the cell.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -3,8 +3,6 @@
 See :mod:`bussim.exact.bursts.timeout_stacks`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """What outages do: how long a one goes unnoticed, how long a scan then takes."""
 
-from __future__ import annotations
-
 from itertools import combinations
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The assumptions that would change a recommendation, or the figures of a setting, most."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """One setting of a link with its figures, and the least that meets the goals."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from bussim.exact.link import TIMEOUT_UNIT, LinkModel

@@ -1,7 +1,5 @@
 """All settings of a link against goals: which meet which, under every reading of the assumptions."""
 
-from __future__ import annotations
-
 import math
 from bisect import bisect_left
 from collections.abc import Collection, Iterable, Sequence

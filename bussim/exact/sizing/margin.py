@@ -1,7 +1,5 @@
 """What more noise than was entered does to a setting, and which setting would still hold there."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -5,8 +5,6 @@ every number of retries is shown against three levels of noise, each a bit error
 A level costs time as silence does: every attempt that its bit errors damage runs to its deadline.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

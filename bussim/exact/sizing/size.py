@@ -1,7 +1,5 @@
 """Which D8179 and D8180 a link should have: what ``bussim size`` prints and its JSON form."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a dead station costs against false station errors, for each D8179, at several levels of noise."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Goals that no setting meets: which stand against each other, by how much, and what would help."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace

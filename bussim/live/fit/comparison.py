@@ -1,7 +1,5 @@
 """Whether a simulation of the estimates behaves like the recording that they are of, tail included."""
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass

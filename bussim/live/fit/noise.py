@@ -1,7 +1,5 @@
 """The noise of a line, from the frames that were heard: how often bits are wrong, where, and in groups."""
 
-from __future__ import annotations
-
 from array import array
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """The distribution of a station's turnaround, from measured ones."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Layouts as files: read with every mistake, and written."""
 
-from __future__ import annotations
-
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path

@@ -4,8 +4,6 @@ The master is the judge: a reply with which it was content, and a poll that was 
 layout by which they are not is another one, or the recorder alone heard them damaged.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ the counter what counts from scan to scan and is the same within one; what never
 header. What lies between them, an end character and the sum is data.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The rules by which the sum of a frame is made, and the forms in which numbers stand in it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import reduce
 from operator import xor

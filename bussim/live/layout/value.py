@@ -1,7 +1,5 @@
 """A layout: how the frames of an N:N link are made up of characters."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, NamedTuple

@@ -1,7 +1,5 @@
 """What is wrong with a recording."""
 
-from __future__ import annotations
-
 from bussim.errors import UsageError
 
 

@@ -1,7 +1,5 @@
 """A run's trace as a recording: what a receiver on the bus reads of its frames."""
 
-from __future__ import annotations
-
 import heapq
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Opens a recording by its content."""
 
-from __future__ import annotations
-
 from enum import Enum
 from pathlib import Path
 from typing import assert_never

@@ -7,8 +7,6 @@ skipped. Block layout: draft-ietf-opsawg-pcapng, sections 3 and 4; draft-ietf-op
 because what is needed are three kinds of blocks, and a reader that is bounded whatever the file holds.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterator
 from pathlib import Path

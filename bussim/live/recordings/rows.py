@@ -10,8 +10,6 @@ A row is a time, an optional direction, and bytes, in this order; blanks, tabs, 
 separate them. ``bussim guide wires`` lists the forms.
 """
 
-from __future__ import annotations
-
 import csv
 import re
 from collections.abc import Iterable, Iterator

@@ -1,7 +1,5 @@
 """What every kind of recording offers: characters of a line, once it is known how to read it."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Text files with the bytes of a line: which form they have, their times, and their characters."""
 
-from __future__ import annotations
-
 import re
 from codecs import getincrementaldecoder
 from collections.abc import Iterable, Iterator

@@ -1,7 +1,5 @@
 """Finds the line in the channels of a session: which of them, its rate, polarity, format and protocol."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from itertools import pairwise, takewhile
 from typing import Any

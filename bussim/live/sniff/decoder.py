@@ -1,7 +1,5 @@
 """What the decoders of both kinds of lines count."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections import Counter
 from typing import NamedTuple

@@ -5,8 +5,6 @@ PDUs: an RTU frame has three characters more. A size is 0 where no such PDU begi
 so many characters (its amount) are needed before more can be said.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Final, NamedTuple
 

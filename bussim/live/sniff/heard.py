@@ -1,7 +1,5 @@
 """What a listener received: frames, and characters that are none."""
 
-from __future__ import annotations
-
 from enum import StrEnum
 from typing import NamedTuple
 

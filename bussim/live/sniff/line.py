@@ -4,8 +4,6 @@ What the user says is obeyed. Where another reading gives more than twice as man
 named beside.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import islice

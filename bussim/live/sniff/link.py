@@ -5,8 +5,6 @@ next frame, and its code is what the listener heard (01 nothing, 02 and 03 a fra
 or counter, 04 damage).
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping
 from typing import NamedTuple

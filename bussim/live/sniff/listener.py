@@ -1,7 +1,5 @@
 """Everything between characters and records: frames, pieces that are none, exchanges."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import assert_never

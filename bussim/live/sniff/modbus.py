@@ -6,8 +6,6 @@ wrong one. A write to one coil or register and its response are the same bytes: 
 the wires that they come on, by an echo, or by the times between frames that are all alike.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass

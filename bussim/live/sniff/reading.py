@@ -1,7 +1,5 @@
 """What is said of a line, ways to read a recording of it, and how well each fits."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import takewhile

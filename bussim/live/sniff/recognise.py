@@ -1,7 +1,5 @@
 """Finds out the protocol of a port while it is listened to."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Sequence
 

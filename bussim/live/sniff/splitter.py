@@ -5,8 +5,6 @@ over request and response in one chunk. A piece is what lies between two of: sil
 end. Headers inside it do not divide it.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """The splitters of the three protocols."""
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from typing import assert_never

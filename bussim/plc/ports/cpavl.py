@@ -3,8 +3,6 @@
 Source: PW10 board manual, sections 4 (ports), 5 (words and bits), 6 (format word, protocol codes).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final

@@ -1,7 +1,5 @@
 """Where a transaction's values lie in device memory: registers in D, coils in M, S, Y or packed in D."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import lru_cache
 

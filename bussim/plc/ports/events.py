@@ -1,7 +1,5 @@
 """Events of a PLC's ports. Frozen values; times are ticks."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from bussim.engines.free.events import Received, Sent

@@ -7,8 +7,6 @@ the FX). Received bytes and "reception complete" appear at the first END after t
 Nothing is received until the program has reset that bit, seen at END too (PW10 board manual, section 5).
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Hashable, Sequence
 from typing import assert_never

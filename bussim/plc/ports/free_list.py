@@ -1,7 +1,5 @@
 """A list of free-protocol instructions that takes a program's place: which of them is driven in a scan."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from bussim.engines.free.events import Ended, Received

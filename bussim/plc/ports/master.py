@@ -11,8 +11,6 @@ still takes its response over. The request's operands are those of the latest ex
 a write's data those of the END at which it leaves.
 """
 
-from __future__ import annotations
-
 from collections.abc import Hashable, Sequence
 from typing import assert_never
 

@@ -1,7 +1,5 @@
 """RS, RS2 and CPAVL of a program, carried out on its PLC's ports."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Hashable, Mapping
 

@@ -1,7 +1,5 @@
 """The registers of one serial port of a PLC: parameters in, an engine out, and what happens at END."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Hashable, Sequence
 

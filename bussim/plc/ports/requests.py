@@ -1,7 +1,5 @@
 """Requests for the Modbus engines, made of polls and values."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from bussim.engines.modbus.pdu import COIL_OFF, COIL_ON, WRITES, Function, Request

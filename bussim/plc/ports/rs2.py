@@ -15,8 +15,6 @@ the bytes of S; the definition and the other example agree. It lists COM0 and CO
 these protocols.) A constant n of a Modbus instruction is the number of a D register (assumed).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import Enum
 

@@ -1,7 +1,5 @@
 """What a port does by its protocol: what Modbus master, Modbus slave and free protocol have in common."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable
 from typing import Any
 

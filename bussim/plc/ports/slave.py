@@ -1,7 +1,5 @@
 """A PLC's port as Modbus slave: its requests are served at END (LX slave note)."""
 
-from __future__ import annotations
-
 from typing import assert_never
 
 from bussim.engines.modbus.codes import REJECTION_ERRORS, SLAVE_ERRORS, exception_error

@@ -1,7 +1,5 @@
 """What a scenario says of a PLC's ports and of what is exchanged on them, as frozen values."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from bussim.plc.memory import Device

@@ -1,7 +1,5 @@
 """A port's words and bits in device memory, and its share of M8063."""
 
-from __future__ import annotations
-
 from collections import deque
 
 from bussim.engines.modbus.codes import PortError

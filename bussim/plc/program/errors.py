@@ -1,7 +1,5 @@
 """Errors that stop a running program or that its PLC flags, with their texts for the user."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from bussim.plc.program.machine import CALLS_TOO_DEEP, OUT_OF_RANGE

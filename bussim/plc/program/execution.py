@@ -16,8 +16,6 @@ PLS and PLF of latched relays (FX programming manual, 2.16, from memory: assumed
 RUN→STOP and at a power loss is the PLC's business (:mod:`bussim.plc.plc`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from operator import and_
 

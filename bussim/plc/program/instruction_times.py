@@ -5,8 +5,6 @@ applied one; how its table divides the rest, and what a PW10 takes, is not publi
 here is assumed (the first two: as the FX2N's), and a field that a profile can change.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 #: 72 ticks are a microsecond.

@@ -1,7 +1,5 @@
 """The longest time that one scan of a program can take, as far as its text determines it."""
 
-from __future__ import annotations
-
 from bussim.plc.program.compiled.code import standing_time, time_when_on
 from bussim.plc.program.instruction_times import InstructionTimes, ticks_of
 from bussim.plc.program.program import Program

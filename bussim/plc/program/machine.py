@@ -1,7 +1,5 @@
 """What a running program keeps beside the PLC's memory, and how its errors show."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Protocol
 

@@ -5,8 +5,6 @@ before, and on the time where a timer counts or a clock of the PLC is named. A s
 it was is followed by others that do the same, until an input, a received block, a clock or a timer changes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """What became of the messages or requests between two nodes beside the links."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass, field
 

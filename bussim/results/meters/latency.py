@@ -22,8 +22,6 @@ the source's PLC left the image that the target's PLC holds. Where ``reasons`` s
 nothing to do with the word, nothing is.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass

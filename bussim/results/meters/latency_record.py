@@ -1,7 +1,5 @@
 """What was measured of one entry of a scenario's ``latency``. All times are ticks."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple

@@ -5,8 +5,6 @@ A field's key is its name. The metadata of a field may say otherwise: :func:`nam
 in the order of their names. What has methods ``to_json`` and ``from_json`` is asked.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import Field, fields, is_dataclass

@@ -3,8 +3,6 @@
 Memory does not grow with a run: counts, and histograms of times. Times are ticks.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass, field
 from typing import assert_never

@@ -1,7 +1,5 @@
 """Chosen devices over time, as a monitor of a programming tool shows them. Times in ticks."""
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Histograms of times as bars on an axis."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from math import isqrt
 from typing import Literal

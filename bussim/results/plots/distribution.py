@@ -1,7 +1,5 @@
 """Pictures of exact distributions beside simulated histograms, from plain numbers."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray

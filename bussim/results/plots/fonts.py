@@ -1,7 +1,5 @@
 """Fonts for names in any script: those of this machine that have what the house's own font lacks."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterable
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """The histogram of one latency, and what the shortest, the mean and the longest one are made of."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal

@@ -1,7 +1,5 @@
 """Scan times over a run, with its faults and the stations in error."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

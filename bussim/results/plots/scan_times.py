@@ -1,7 +1,5 @@
 """The histogram of link scan times, of one run or of several on one axis."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from matplotlib.lines import Line2D

@@ -1,7 +1,5 @@
 """The trade-off of a sizing: what a dead station costs against false station errors, from plain numbers."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any

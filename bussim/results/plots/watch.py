@@ -1,7 +1,5 @@
 """Chosen devices over time: bits as lanes, words as steps."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import groupby
 from typing import Any

@@ -1,7 +1,5 @@
 """Names from scenarios made safe: as file names on every system, and as cells of a spreadsheet."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 from unicodedata import normalize

@@ -4,8 +4,6 @@ Times are decimal fractions of whole nanoseconds, so that a row says the same in
 on every machine.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """The entries of ``summary.json`` about latencies. Times in ms, instants in s."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """The entries of ``summary.json`` about what is beside the N:N links: buses, ports, devices."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """``summary.json``: the numbers of a run, by stable keys. Times in ms, instants in s."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

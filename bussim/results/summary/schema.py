@@ -4,8 +4,6 @@ A key that ends in ``?`` may be missing, as only some runs or later versions hav
 here, those of a version to come, may hold anything.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from functools import partial
 from types import NoneType

@@ -1,7 +1,5 @@
 """Latencies in words, from ``summary.json``. Times in ms, instants in s."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Lines of text with a label before them, and statistics of times in words."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 

@@ -1,7 +1,5 @@
 """Buses, ports and devices beside the N:N links as text, from ``summary.json``."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Any
 

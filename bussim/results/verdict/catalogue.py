@@ -1,7 +1,5 @@
 """The sentences of verdicts, which say what was well or that something was wrong."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

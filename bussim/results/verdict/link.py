@@ -1,7 +1,5 @@
 """What the stations of an N:N link showed, as findings: keys of the catalogue with their values."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any

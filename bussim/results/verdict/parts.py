@@ -1,7 +1,5 @@
 """Findings that links and other buses have in common: keys of the catalogue with values."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What buses, ports and devices beside the links showed, as findings: keys of the catalogue with values."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 

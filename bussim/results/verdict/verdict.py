@@ -1,7 +1,5 @@
 """What was wrong in a run and what was well, from what stations and buses showed; never from its faults."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """From entries of ``noise`` and ``faults`` without mistakes to the scenario's frozen values."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

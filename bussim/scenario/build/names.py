@@ -1,7 +1,5 @@
 """Names of entries that a scenario leaves without one."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 

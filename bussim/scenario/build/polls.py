@@ -1,7 +1,5 @@
 """From entries of ``polls`` without mistakes to frozen values, and to plain data with every default."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 from bussim.forms.form import as_written

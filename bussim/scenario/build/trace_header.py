@@ -1,7 +1,5 @@
 """What the first line of a trace says of a scenario."""
 
-from __future__ import annotations
-
 from bussim.plc.link_registers import D_STATION
 from bussim.scenario.model import Bus, Scenario
 from bussim.trace.records import TraceBus, TraceHeader

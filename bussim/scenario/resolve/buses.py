@@ -1,7 +1,5 @@
 """The buses of a scenario that could be read, with the rate and format of each."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

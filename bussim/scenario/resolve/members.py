@@ -3,8 +3,6 @@
 Rules check these values and the builder puts them into the scenario, so that both mean the same.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

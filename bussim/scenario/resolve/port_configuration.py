@@ -4,8 +4,6 @@ As with ``nn``, the friendly keys are another way to write registers of the PLC:
 built is read back from the registers, wherever they come from.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

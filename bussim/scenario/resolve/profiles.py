@@ -1,7 +1,5 @@
 """What a PLC's ``profile`` means: a built-in one with the given fields changed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A draft with everything resolved that its entries say of each other."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from bussim.scenario.resolve.buses import Line, lines_of

@@ -1,7 +1,5 @@
 """What is wrong with a link's rate and format, and what is odd about another bus as a whole."""
 
-from __future__ import annotations
-
 from bussim.engines.modbus.adu import Mode
 from bussim.line.characters import NN_LINE, LineTiming
 from bussim.scenario.resolve.buses import Line

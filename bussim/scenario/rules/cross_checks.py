@@ -1,7 +1,5 @@
 """Checks across values: whether the parts of a scenario fit each other."""
 
-from __future__ import annotations
-
 from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.rules.buses import check_buses
 from bussim.scenario.rules.disturbances import check_faults, check_noise

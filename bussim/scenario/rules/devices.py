@@ -1,7 +1,5 @@
 """What is wrong or odd about a device on its bus; what its model is and allows, its form checks."""
 
-from __future__ import annotations
-
 from bussim.devices.forms import DeviceIn, MasterIn
 from bussim.devices.free.model import FreeIn
 from bussim.devices.free.scripted import MOST_WAITING

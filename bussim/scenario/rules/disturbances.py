@@ -1,7 +1,5 @@
 """What is wrong or odd about noise and faults: the nodes that they name, and when they act."""
 
-from __future__ import annotations
-
 from bussim.engines.modbus.adu import RTU_MAX, Mode
 from bussim.scenario.resolve.nodes import Directory, Missing, Node, NodeRole
 from bussim.scenario.resolve.scenario import Resolved

@@ -1,7 +1,5 @@
 """What is wrong or odd about an N:N link as a whole. An odd link is simulated, with a warning."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from bussim.engines.nn.frames import MODES, data_chars

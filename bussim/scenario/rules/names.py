@@ -1,7 +1,5 @@
 """Names: those of entries differ, and those of buses and PLCs exist."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from typing import Any
 

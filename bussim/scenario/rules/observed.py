@@ -1,7 +1,5 @@
 """What is wrong or odd about observed devices and latencies."""
 
-from __future__ import annotations
-
 from bussim.forms.fields import PlcPoint
 from bussim.plc.memory import parse_device
 from bussim.scenario.resolve.members import Member

@@ -1,7 +1,5 @@
 """Times far from what is usual: probably another unit is meant."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from bussim.scenario.yaml.source_map import Path, Report

@@ -1,7 +1,5 @@
 """What is wrong or odd about a PLC's own keys: registers, sources, inputs, and its place on a link."""
 
-from __future__ import annotations
-
 from bussim.forms.registers import check_registers, named_devices
 from bussim.plc.link_registers import TAKE_PART, TIMEOUT_UNIT, mode_numbers
 from bussim.plc.memory import FIRST_SPECIAL, Device

@@ -1,7 +1,5 @@
 """What is wrong or odd about polls: whether they can be sent, where their data lie, which slave responds."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

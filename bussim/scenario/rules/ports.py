@@ -1,7 +1,5 @@
 """What is wrong or odd about the ports of one PLC, the link's and the others."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from bussim.engines.modbus.adu import Mode

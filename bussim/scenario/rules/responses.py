@@ -1,7 +1,5 @@
 """Which slave responds to a poll, with what, and whether in time: warnings, as all of it happens in a run."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from bussim.devices.areas import AreaMap

@@ -3,8 +3,6 @@
 Fields are named as in the file; where that is a word of Python, the alias is the file's.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Annotated, Any, ClassVar
 

@@ -4,8 +4,6 @@ It takes every scenario that is read here. What depends on several values, on th
 that stands elsewhere is left to ``bussim check``.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from pydantic import BaseModel

@@ -1,7 +1,5 @@
 """The form of a scenario file: what is exchanged on a port that is not the link's."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from pydantic import Field

@@ -6,8 +6,6 @@ registers) or where no text is (serial ports): there it is :attr:`Reachability.U
 :attr:`Reachability.NONE` is never wrong.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass

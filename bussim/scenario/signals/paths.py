@@ -7,8 +7,6 @@ counters, pulses, latches, comparisons, arithmetic, second writers, jumps, index
 why nothing is said of it: the first that is met.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import assert_never

@@ -1,7 +1,5 @@
 """The files that a scenario names: programs, and tables of times."""
 
-from __future__ import annotations
-
 import errno
 import itertools
 import os

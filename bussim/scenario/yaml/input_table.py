@@ -5,8 +5,6 @@ first. With a second column, 0 or 1, each row sets the level; one that sets what
 Empty lines and lines that begin with # are left out; the first other line may be a heading.
 """
 
-from __future__ import annotations
-
 import re
 from fractions import Fraction
 

@@ -1,7 +1,5 @@
 """Plain data handed over by a Python program, copied within the same bounds as a file's."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from numbers import Integral, Real
 

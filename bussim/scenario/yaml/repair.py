@@ -4,8 +4,6 @@ The parser decides. Of the repairs that the lines around its complaint suggest, 
 it read farthest, and what that one mends is the mistake. Every repair changes one line of the text.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field

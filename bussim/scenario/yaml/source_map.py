@@ -1,7 +1,5 @@
 """Where every key and value of a scenario stands, and how messages name it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 

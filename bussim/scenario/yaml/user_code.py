@@ -1,7 +1,5 @@
 """The functions of the user that a scenario names: only with permission, as nothing else runs code."""
 
-from __future__ import annotations
-
 import importlib
 import sys
 from collections.abc import Callable, Iterator

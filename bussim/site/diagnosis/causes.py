@@ -1,7 +1,5 @@
 """The causes that a diagnosis tells apart, and how their evidence is added up."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from dataclasses import dataclass, field, replace
 from enum import StrEnum

@@ -1,7 +1,5 @@
 """From a readout to its likely causes, and the reading that would tell them apart."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Rules about noise: on the wire, in a receiver, of a sender, in bursts, or none at all."""
 
-from __future__ import annotations
-
 from math import expm1, log1p, sqrt
 from statistics import median
 

@@ -1,7 +1,5 @@
 """Rules about stations: off, cut off, misconfigured, slow, away; each leaves a sentence with its numbers."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from bussim.engines.nn import codes

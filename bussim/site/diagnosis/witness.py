@@ -1,7 +1,5 @@
 """What the stations of a readout say of each other, as the rules of a diagnosis ask for it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property

@@ -5,8 +5,6 @@ Poisson mean (Biometrika 28, 1936), Clopper and Pearson's of a probability. The 
 it lies between what it would be if all failed attempts had run to their deadline, and if none had.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from math import exp, factorial, log

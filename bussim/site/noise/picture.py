@@ -1,7 +1,5 @@
 """The lenses read together: how much noise, of what kind, where, and what is not known."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from math import log

@@ -1,7 +1,5 @@
 """What retries and timeout a link should have by what its readings tell, and by their upper limits."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """How a sizing page keeps its figures: rounded to the safe side, and where they differ only."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

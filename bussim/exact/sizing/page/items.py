@@ -3,8 +3,6 @@
 All of them are rounded to the safe side here, so that the page shows what is in it and reckons nothing.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

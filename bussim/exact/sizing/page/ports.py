@@ -1,7 +1,5 @@
 """The figures of a sizing page that are of a Modbus poll list."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace

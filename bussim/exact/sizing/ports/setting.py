@@ -1,7 +1,5 @@
 """One setting of a port's poll list with its figures: timeout, retries and interval. Times in ticks."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

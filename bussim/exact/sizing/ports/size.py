@@ -1,7 +1,5 @@
 """Which timeout, retries and interval a port's poll list should have: what ``bussim size`` prints of it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

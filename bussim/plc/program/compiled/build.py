@@ -1,7 +1,5 @@
 """Binds a program to a machine: its blocks as functions on the memory's arrays."""
 
-from __future__ import annotations
-
 import operator
 from collections.abc import Callable
 from typing import Any

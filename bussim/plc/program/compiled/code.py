@@ -7,8 +7,6 @@ comparison, ``count_7()`` of FOR. Edges and comparisons with an index register m
 scan (they remember, or may fail), so they stand in front of the statement whose condition they belong to.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import lru_cache
 from types import CodeType

@@ -8,8 +8,6 @@ and touch no flag. DIV drops the fraction; the remainder has the sign of the div
 of the least value by -1, is an error (6706).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from bussim.plc.memory import FIRST_LONG_COUNTER

@@ -18,8 +18,6 @@ having been off before; a held counter follows its input, so that one that has c
 is no edge after it.
 """
 
-from __future__ import annotations
-
 from bussim.plc.memory import FIRST_LONG_COUNTER, Family
 from bussim.plc.program.compiled.access import value_reader, word_of
 from bussim.plc.program.machine import Act, Machine, Take

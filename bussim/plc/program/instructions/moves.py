@@ -4,8 +4,6 @@ Not simulated: M8160, which makes XCH swap bytes. Where the manual is silent, as
 reverses has the limits of one that is written the other way round, and X cannot be its destination.
 """
 
-from __future__ import annotations
-
 import operator
 from collections.abc import Callable
 

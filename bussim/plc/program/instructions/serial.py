@@ -1,7 +1,5 @@
 """RS, RS2 and CPAVL (PW10 board manual, section 5): handed on to the PLC's ports."""
 
-from __future__ import annotations
-
 from bussim.plc.memory import Device
 from bussim.plc.program.machine import Act, Machine, Ports
 from bussim.plc.program.text.catalog import Instruction

@@ -1,7 +1,5 @@
 """ROR ROL SFTR SFTL ALT ZRST: bits in words and in rows (FX, FNC 30, 31, 34, 35, 40, 66)."""
 
-from __future__ import annotations
-
 from array import array
 
 from bussim.plc.program.compiled.access import locate, reader, writer

@@ -4,8 +4,6 @@ Forms (FX programming manual): a D in front makes an applied instruction work on
 WAND it is DAND), a P behind makes it work once per rising edge of its condition (MOVP).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from enum import Enum, StrEnum
 from typing import Any, Self

@@ -7,8 +7,6 @@ Headings are those of the English, Japanese and Chinese tools; where a table has
 columns decides.
 """
 
-from __future__ import annotations
-
 import re
 from typing import NamedTuple
 

@@ -3,8 +3,6 @@
 The checks, and the program cut into blocks that are carried out from their head to their end.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import assert_never
 

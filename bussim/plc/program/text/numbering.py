@@ -1,7 +1,5 @@
 """Printed step numbers against those that the instructions themselves make."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Checks of single instructions: number, kinds and ranges of operands, and what devices they touch."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 

@@ -5,8 +5,6 @@ How they are written (FX programming manual): ``K-5``, ``H0081``, ``X017`` (octa
 added to the address), ``P12`` (a label), ``N0`` (a level of MC). Lower case is read as upper case.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 

@@ -12,8 +12,6 @@ edited keeps its old ones. Only where lines have several must they rise, for a l
 downwards.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import replace

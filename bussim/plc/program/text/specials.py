@@ -1,7 +1,5 @@
 """Special devices that are not simulated, from the FX programming manual's (JY992D88101) table of them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from bussim.plc.link_devices import LINK_STATUS

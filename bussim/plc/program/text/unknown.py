@@ -1,7 +1,5 @@
 """What is said of a word that is no instruction: what was probably meant."""
 
-from __future__ import annotations
-
 import re
 
 from bussim.plc.program.text.catalog import FORMS, Spec

@@ -4,8 +4,6 @@ Names are those of the FX3 programming manual (JY997D16601), instructions of com
 communication manual; forms with D in front or P behind belong to them.
 """
 
-from __future__ import annotations
-
 import re
 
 from bussim.plc.memory import Family
