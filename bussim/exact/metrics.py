@@ -251,7 +251,9 @@ def figures_of(
         two_dead=dead_means(solved, 2),
         detect_mean=slowest.mean if slowest else None,
         detect_longest=max((int(each[0]) for each in unnoticed), default=None),
-        detect={key: slowest.quantile(level) for key, level in request.levels.items()} if slowest else {},
+        detect=dict(zip(request.levels, slowest.quantiles(request.levels.values()), strict=True))
+        if slowest
+        else {},
         refresh=_refreshes(solved, request, progress) if request.refresh else {},
         random=random,
     )

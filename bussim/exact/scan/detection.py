@@ -3,6 +3,7 @@
 See :mod:`bussim.exact.bursts.timeout_stacks`.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -59,14 +60,16 @@ class Detection:
             total += (replied + torn) * (begun + cut) + torn * np.clip(quiet + more, 0, quiet)
         return total / self.solved.distribution.mean
 
-    def quantile(self, level: float) -> float:
-        """The least time that is exceeded with a probability of at most ``level``."""
-        low, high = 0.0, float(longest_scan(self.solved.model))
-        while high - low > 1.0:
-            cuts = np.linspace(low, high, 34)
-            place = int(np.count_nonzero(self.tail(cuts[1:-1]) > level))
-            low, high = float(cuts[place]), float(cuts[place + 1])
-        return high
+    def quantiles(self, levels: Iterable[float]) -> list[float]:
+        """For each level the least time, in ticks, that is exceeded with a probability of at most it."""
+        wanted = np.array([*levels], dtype=np.float64)[:, None]
+        low = np.zeros(wanted.shape)
+        high = np.full(wanted.shape, float(longest_scan(self.solved.model)))
+        while np.any(high - low > 1.0):
+            cuts = low + (high - low) * np.linspace(0.0, 1.0, 34)
+            place = np.count_nonzero(self.tail(cuts[:, 1:-1]) > wanted, axis=1)[:, None]
+            low, high = (np.take_along_axis(cuts, place + side, axis=1) for side in (0, 1))
+        return [float(each) for each in high[:, 0]]
 
 
 def detection(solved: Solved, station: Station) -> Detection:
