@@ -61,8 +61,9 @@ class LatencyRecord:
 
     def __post_init__(self) -> None:
         """Raise ValueError for other parts, as of a file that was changed."""
-        whole = [(*self.parts,), *(sample.parts for sample in (self.shortest, self.longest) if sample)]
-        if any(len(parts) != len(PARTS) for parts in whole):
+        whole = [sample.parts for sample in (self.shortest, self.longest) if sample]
+        pairs = (*self.parts,) == PARTS and all(len(part) == 2 for part in self.parts.values())
+        if not pairs or any(len(parts) != len(PARTS) for parts in whole):
             raise ValueError(f"{self.source} to {self.target} has not the parts {', '.join(PARTS)}")
 
     def add(self, sample: Sample) -> None:
