@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import socket
 from pathlib import Path
 
 import pytest
@@ -40,3 +41,16 @@ def test_what_is_not_there_is_named(
     monkeypatch.chdir(tmp_path)
     assert main(["ui", "--no-browser", *arguments]) == 2
     assert said in capsys.readouterr().err
+
+
+def test_answers_are_sent_without_delay(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """asyncio sets TCP_NODELAY where a socket's protocol is TCP, and not where it is the default, 0."""
+    found: list[tuple[int, str]] = []
+
+    def serve(listening: socket.socket, *_: object, **__: object) -> None:
+        with socket.create_connection(listening.getsockname()), listening.accept()[0] as accepted:
+            found.append((accepted.proto, listening.getsockname()[0]))
+
+    monkeypatch.setattr("bussim.ui.server.serve", serve)
+    assert main(["ui", "--no-browser", "--folder", str(tmp_path)]) == 0
+    assert found == [(socket.IPPROTO_TCP, "127.0.0.1")]

@@ -12,6 +12,14 @@ charts.ofSetting = (view) => {
       if (!shown) return;
       this.data.description = shown.description;
       this.whole = shown.whole;
+      // Only its points are new: the drawing stays, which takes a third of the time.
+      const looks = JSON.stringify([this.width(), height(), css("--ink"), charts.speech.lang, shown.series, shown.legend]);
+      if (this.u && looks === this.looks) {
+        this.u.setData(shown.data);
+        this.plot.querySelector(".u-wrap").setAttribute("aria-label", shown.description);
+        return;
+      }
+      this.looks = looks;
       super.draw();
     }
     options() {

@@ -400,7 +400,7 @@
     showTiles();
     showNotes();
     if (sized?.sizing?.valid && sized.n === law.n) verdict();
-    drawCharts();
+    drawCharts(false);
     busy();
   };
   const verdict = () => {
@@ -533,28 +533,37 @@
     if (data || !drawn[id]) drawn[id] = new kind(get(id), data ?? {});
     else drawn[id].draw();
   };
-  let pending = 0;
-  const drawCharts = () => {
+  let pending = 0, traded = true; // what is traded is of a sizing alone
+  const drawCharts = (trade = true) => {
+    traded ||= trade;
     cancelAnimationFrame(pending);
     pending = requestAnimationFrame(() => {
       if (law?.law?.[0].length) draw("curve", kinds.curve);
-      if (sized?.sizing?.valid) draw("trade", kinds.trade);
+      if (traded && sized?.sizing?.valid) draw("trade", kinds.trade);
+      traded = false;
       small();
       const root = document.documentElement;
       root.dataset.drawn = String(law?.n ?? 0);
     });
   };
   // The law of the strip that stays in sight on a narrow page.
+  let strip = null, looks = "";
   const small = () => {
-    const place = get("strip-law");
-    place.replaceChildren();
-    if (law?.figures?.valid === false) place.textContent = get("verdict").textContent;
-    if (!law?.law?.[0].length || !place.clientWidth) return;
-    const shown = curves();
-    new uPlot({ width: place.clientWidth, height: 60, legend: { show: false }, cursor: { show: false }, padding: [4, 4, 0, 4],
-      scales: { x: { time: false, range: () => [0, reach(shown)] }, y: { distr: 3, log: 10, range: () => [1e-9, 1.6] } },
+    const place = get("strip-law"), isShown = law?.law?.[0].length && place.clientWidth > 0;
+    const shown = isShown ? curves() : [], now = JSON.stringify([place.clientWidth, shown.map(({ colour }) => colour)]);
+    if (!isShown || now !== looks) {
+      strip?.destroy();
+      strip = null;
+      place.textContent = law?.figures?.valid === false ? get("verdict").textContent : "";
+    }
+    looks = now;
+    if (!isShown) return;
+    const data = uPlot.join(shown.map(({ law: [x, y] }) => [x, y]));
+    if (strip) { strip.setData(data); return; }
+    strip = new uPlot({ width: place.clientWidth, height: 60, legend: { show: false }, cursor: { show: false }, padding: [4, 4, 0, 4],
+      scales: { x: { time: false, range: () => [0, range] }, y: { distr: 3, log: 10, range: () => [1e-9, 1.6] } },
       axes: [{ show: false }, { show: false }], series: [{}, ...shown.map(({ colour }) => ({ stroke: colour, width: 1.5, spanGaps: true, points: { show: false } }))],
-    }, uPlot.join(shown.map(({ law: [x, y] }) => [x, y])), place);
+    }, data, place);
   };
   const redraw = () => { drawCharts(); for (const id of ["histogram", "worst"]) if (drawn[id] && !get(id).hidden) drawn[id].draw(); };
   let width = 0, waiting = 0;
