@@ -42,7 +42,7 @@ def command(scenario: str | None, *, folder: str | None, lang: str | None, no_br
         raise UsageError(f"--folder {where}: no such folder")
 
     token = secrets.token_urlsafe(32)
-    # By its name: asyncio sends without delay only at sockets that name TCP, and each answer would wait 40 ms.
+    # TCP by its name: asyncio delays what it sends where a socket does not name it (each answer by 40 ms).
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP) as listening:
         listening.bind(("127.0.0.1", 0))
         listening.listen()

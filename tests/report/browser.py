@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import base64
 import os
 import shutil
+import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, NoReturn
 
 import pytest
 
@@ -30,11 +32,14 @@ def paths() -> tuple[str, str]:
     browser = shutil.which("chromium") or shutil.which("chromium-browser")
     driver = shutil.which("chromedriver")
     if browser is None or driver is None:
-        missing = "chromium and chromium-driver are not installed"
-        if os.environ.get("CI"):
-            pytest.fail(missing)
-        pytest.skip(missing)
+        _missing("chromium and chromium-driver are not installed")
     return browser, driver
+
+
+def _missing(what: str) -> NoReturn:
+    if os.environ.get("CI"):
+        pytest.fail(what)
+    pytest.skip(what)
 
 
 @contextmanager
@@ -64,3 +69,28 @@ def show(window: Any, page: Path, *, width: int = 1280, dark: bool = False) -> N
     scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
     window.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "", "features": [scheme]})
     window.get(page.resolve().as_uri())
+
+
+_AXE = Path(__file__).parent.parent / "vendor" / "axe.min.js"
+#: Rules of axe-core 4.14 that a page breaks, each with the elements that break it. What waits for an answer is
+#: pale: it is not to be read as one of this line.
+_BROKEN = """const done = arguments[arguments.length - 1];
+axe.run({ exclude: [["[aria-busy=true]"]] }, { resultTypes: ["violations"] }).then(
+  found => done(found.violations.map(each => [each.id, ...each.nodes.map(node => node.html.slice(0, 200))])), error => done(String(error)));"""
+
+
+def broken_rules(window: Any) -> Any:
+    """What axe-core finds wrong with the page as it is shown: names, roles, contrast, order of headings, landmarks."""
+    window.execute_script(_AXE.read_text(encoding="utf-8"))
+    return window.execute_async_script(_BROKEN)
+
+
+def printed(window: Any, path: Path) -> list[str]:
+    """The text of each page of paper, as another program reads it from the PDF; the PDF is left at ``path``."""
+    pdf = window.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True})["data"]
+    path.write_bytes(base64.b64decode(pdf))
+    program = shutil.which("pdftotext")
+    if program is None:
+        _missing("pdftotext (poppler-utils) is not installed")
+    text = subprocess.run([program, "-layout", path, "-"], capture_output=True, text=True, check=True).stdout
+    return text.removesuffix("\f").split("\f")

@@ -138,26 +138,6 @@ def test_a_value_out_of_range_leaves_the_last_valid_figures_marked(seen: Seen) -
     assert not seen.one("#problems").is_displayed()
 
 
-def test_a_page_is_printed(seen: Seen) -> None:
-    first = seen.window.current_window_handle
-    seen.put("#retries", "2")
-    seen.settle()
-    seen.one("#print").click()
-    seen.until(lambda: len(seen.window.window_handles) == 2 or seen.one("#made").is_displayed())
-    if len(seen.window.window_handles) < 2:
-        seen.one("#made-link").click()
-        seen.until(lambda: len(seen.window.window_handles) == 2)
-    seen.window.switch_to.window(next(each for each in seen.window.window_handles if each != first))
-    try:
-        seen.until(lambda: seen.js("return document.documentElement.dataset.ready"))
-        assert "MOV K4 D8179" in seen.text("#program")
-        assert seen.js("return document.querySelectorAll('canvas').length") == 2
-        assert seen.window.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True})["data"]
-    finally:
-        seen.window.close()
-        seen.window.switch_to.window(first)
-
-
 def test_a_server_that_is_gone_is_said_and_the_line_is_kept(seen: Seen) -> None:
     seen.put("#retries", "8")
     seen.settle()

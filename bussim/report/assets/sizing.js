@@ -199,7 +199,7 @@
     input.value = String(state.place[place]);
     input.addEventListener("input", () => {
       state.place[place] = Number(input.value);
-      input.setAttribute("aria-valuetext", String(dim.values[state.place[place]]));
+      if (!named) input.setAttribute("aria-valuetext", String(dim.values[state.place[place]]));
       enter();
       show();
     });
@@ -215,6 +215,8 @@
     choose("retries", state.retries);
   });
   get("controls").addEventListener("submit", (event) => event.preventDefault());
+  // "sv" writes a date as 2026-03-31.
+  addEventListener("beforeprint", () => { get("printed").textContent = word("printed", { date: new Date().toLocaleDateString("sv") }); });
   enter();
   show();
   cancelAnimationFrame(pending);
