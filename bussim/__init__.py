@@ -24,17 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from inspect import Signature
 
-    from bussim.api import (
-        Result,
-        examine,
-        load,
-        loads,
-        open_run,
-        plot_scan_times,
-        profiles,
-        run,
-        timeline,
-    )
+    from bussim.api import Result, examine, load, loads, open_run, plot_scan_times, profiles, run, timeline
     from bussim.cli import main
     from bussim.commands.fit.recording import fit
     from bussim.commands.report import report

@@ -28,13 +28,7 @@ def _formats() -> str:
 
 @click.command()
 @click.argument("run", metavar="RUN_DIR")
-@click.option(
-    "--to",
-    "fmt",
-    type=click.Choice(list(FORMATS)),
-    required=True,
-    help=_formats(),
-)
+@click.option("--to", "fmt", type=click.Choice(list(FORMATS)), required=True, help=_formats())
 @click.option("--bus", metavar="NAME", help="Only this bus (default: every one).")
 @click.option("--from", "since", metavar="T", help="Begin so long after the run's start, such as 10s.")
 @click.option("--to-time", "until", metavar="T", help="End so long after the run's start, such as 12s.")

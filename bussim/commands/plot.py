@@ -160,11 +160,7 @@ def _chosen(kind: str, given: Mapping[str, str | None]) -> list[str]:
 
 
 def _pictures(
-    subject: _Subject,
-    names: Sequence[str],
-    records: Sequence[RunRecord],
-    labels: Sequence[str],
-    kind: str,
+    subject: _Subject, names: Sequence[str], records: Sequence[RunRecord], labels: Sequence[str], kind: str
 ) -> Iterator[tuple[str, Callable[[], Picture]]]:
     """What is to be drawn: the name of each picture, without an ending, and what draws it."""
     from bussim.results.plots.over_run import scan_times_over_run

@@ -59,10 +59,7 @@ class AreaMap(ABC):
     """
 
     def __init__(
-        self,
-        areas: Iterable[Area],
-        functions: frozenset[int] = FUNCTIONS,
-        limits: Limits = STANDARD_LIMITS,
+        self, areas: Iterable[Area], functions: frozenset[int] = FUNCTIONS, limits: Limits = STANDARD_LIMITS
     ) -> None:
         self.areas = tuple(sorted(areas, key=lambda area: (area.space.value, area.start)))
         #: The function codes that it serves, and how many coils or registers one request may name.

@@ -209,9 +209,7 @@ def over_mission(distribution: Distribution, mission: int, level: float) -> floa
 
 
 def figures_of(
-    model: LinkModel,
-    request: Request | None = None,
-    progress: Callable[[str, int, int], None] | None = None,
+    model: LinkModel, request: Request | None = None, progress: Callable[[str, int, int], None] | None = None
 ) -> Figures:
     """All figures of a link; only ``valid`` and ``reasons`` where the closed form does not hold."""
     request = request or Request()

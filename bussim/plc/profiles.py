@@ -267,12 +267,7 @@ PROFILES: dict[str, Profile] = {
         error_codes=ErrorCodes.FX3U,
     ),
     "fx1s": replace(
-        _FX2N,
-        name="fx1s",
-        modes=(0,),
-        documented_modes=(0,),
-        firmware=(22300, 0),
-        latched=_FX1S_LATCHED,
+        _FX2N, name="fx1s", modes=(0,), documented_modes=(0,), firmware=(22300, 0), latched=_FX1S_LATCHED
     ),
 }
 

@@ -33,20 +33,14 @@ _SUMS: tuple[tuple[str, Callable[[Mapping[str, Any]], int | None]], ...] = (
         say("compare_failed"),
         lambda link: sum(sum(codes.values()) for codes in link["failed_attempts"].values()),
     ),
-    (
-        say("compare_errors"),
-        lambda link: sum(link["station_errors"].values()),
-    ),
+    (say("compare_errors"), lambda link: sum(link["station_errors"].values())),
     (say("compare_onsets"), _onsets),
 )
 _EXACT: tuple[tuple[str, Callable[[Mapping[str, Any]], Any]], ...] = (
     (say("compare_exact_mean"), lambda figures: figures["mean_ms"]),
     (say("compare_exact_worst"), lambda figures: figures["worst_case_ms"]),
     (say("compare_exact_dead"), lambda figures: figures["one_dead_ms"]),
-    (
-        say("compare_exact_detect"),
-        lambda figures: figures["detect_ms"]["max"],
-    ),
+    (say("compare_exact_detect"), lambda figures: figures["detect_ms"]["max"]),
     (say("compare_exact_onsets"), lambda figures: figures["false_error_onsets_per_year"]),
 )
 

@@ -204,10 +204,7 @@ def _keys(source: Source, bus: str) -> list[Key]:
         return []
     name, key = ("key_median", "p50") if times["p50"] is not None else ("key_mean", "mean")
     when = say("key_at", at=times["max_at_s"])
-    keys = [
-        Key(say(name), in_ms(times[key])),
-        Key(say("key_longest"), in_ms(times["max"], most=True), when),
-    ]
+    keys = [Key(say(name), in_ms(times[key])), Key(say("key_longest"), in_ms(times["max"], most=True), when)]
     distribution = source.valid_distribution(bus)
     if distribution is not None:
         figures = distribution.figures

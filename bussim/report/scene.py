@@ -10,14 +10,7 @@ from itertools import pairwise
 
 from bussim.line.characters import CharFormat
 from bussim.line.wave import edge_of, paused
-from bussim.report.trace_window import (
-    TraceWindow,
-    in_words,
-    ms,
-    parts_of_scan,
-    read_window,
-    worst_window,
-)
+from bussim.report.trace_window import TraceWindow, in_words, ms, parts_of_scan, read_window, worst_window
 from bussim.results.meters.timeline import Span
 from bussim.results.run_record import RunRecord
 from bussim.results.text.lines import fault_in_words

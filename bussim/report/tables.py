@@ -136,9 +136,7 @@ def exact_figures(bus: str, distribution: ExactDistribution) -> Table:
         (say("table_onsets_year"), _rate(f["false_error_onsets_per_year"])),
     ]
     return Table(
-        say("table_exact", bus=bus),
-        ["", say("table_value")],
-        [(label, [Cell(text)]) for label, text in rows],
+        say("table_exact", bus=bus), ["", say("table_value")], [(label, [Cell(text)]) for label, text in rows]
     )
 
 
@@ -186,10 +184,7 @@ def settings(source: Source, bus: str) -> Table:
         meaning = say(f"setting_{name}")
         rows.append((say("table_register_is", register=name, meaning=meaning), cells))
     return Table(
-        say("table_settings", bus=bus),
-        [say("table_register"), *plc_names],
-        rows,
-        say("table_settings_note"),
+        say("table_settings", bus=bus), [say("table_register"), *plc_names], rows, say("table_settings_note")
     )
 
 

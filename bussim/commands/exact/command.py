@@ -221,9 +221,7 @@ def _show_refresh(console: Console, figures: Figures) -> None:
     if not figures.refresh:
         return
     table = plain_table(
-        [say("exact_pair")],
-        [say("time_mean"), *keys, say("exact_heartbeat")],
-        title=say("exact_refresh"),
+        [say("exact_pair")], [say("time_mean"), *keys, say("exact_heartbeat")], title=say("exact_refresh")
     )
     for pair, refresh in figures.refresh.items():
         times = [refresh.mean, *(refresh.quantiles.get(key) for key in keys), refresh.heartbeat]

@@ -145,12 +145,7 @@ def command(
         raise UsageError(f"{missing}: bussim size --stations 4 --mode 2")
     else:
         loaded = uniform_link(
-            stations,
-            mode or 0,
-            profile=profile or DEFAULT_PROFILE,
-            scan=scan,
-            ber=ber,
-            overrides=overrides,
+            stations, mode or 0, profile=profile or DEFAULT_PROFILE, scan=scan, ber=ber, overrides=overrides
         )
         for text in loaded.warnings:
             if text.startswith("plcs.master.scan "):  # each PLC has the same

@@ -72,9 +72,7 @@ def _costs(best: PortSetting) -> list[str]:
 def _show_table(console: Console, sizing: PortSizing) -> None:
     interval = ms(sizing.table[0].interval)
     table = plain_table(
-        (),
-        [say(f"show_port_{name}") for name in _COLUMNS],
-        title=say("show_port_table", interval=interval),
+        (), [say(f"show_port_{name}") for name in _COLUMNS], title=say("show_port_table", interval=interval)
     )
     for each in sizing.table:
         times = (each.cycle, each.dead_longest, each.two_dead, each.age)

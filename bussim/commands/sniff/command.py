@@ -209,12 +209,7 @@ class _Session:
             click.echo(f"recorded: {self.folder.target}")
 
     def _complete(
-        self,
-        folder: RunFolder,
-        source: str,
-        duration: int,
-        listener: Listener | None,
-        misfit: Misfit | None,
+        self, folder: RunFolder, source: str, duration: int, listener: Listener | None, misfit: Misfit | None
     ) -> None:
         from bussim.results.pictures import draw_run
         from bussim.trace.records import RunTotals

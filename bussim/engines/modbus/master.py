@@ -6,13 +6,7 @@ from functools import lru_cache
 from bussim.engines.contract import DEADLINE, EVENTS, OPEN, TRANSMIT, Engine, RxChar
 from bussim.engines.modbus.adu import BROADCAST, LAST_STATION, Adu, Damage
 from bussim.engines.modbus.codes import REJECTION_ERRORS, PortError, Rejection, exception_error
-from bussim.engines.modbus.events import (
-    ForeignFrame,
-    FrameRejected,
-    MasterEvent,
-    PollEvent,
-    TransactionEnded,
-)
+from bussim.engines.modbus.events import ForeignFrame, FrameRejected, MasterEvent, PollEvent, TransactionEnded
 from bussim.engines.modbus.framing import Framing
 from bussim.engines.modbus.pdu import (
     EXCEPTION_BIT,

@@ -144,11 +144,7 @@ class Line:
         return _reply(self.noise.chains, self.bit, *sources, characters, zeros=zeros)
 
     def shared(
-        self,
-        wire: Sequence[NoiseSource],
-        one: Sequence[NoiseSource],
-        other: Sequence[NoiseSource],
-        bits: int,
+        self, wire: Sequence[NoiseSource], one: Sequence[NoiseSource], other: Sequence[NoiseSource], bits: int
     ) -> list[list[Matrix]]:
         """What becomes of so many bits in two receivers: by whether one has them hit, then the other."""
         s = self.states

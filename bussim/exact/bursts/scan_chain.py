@@ -212,12 +212,7 @@ class ScanChain:
             unit = self.sums.unit(station.turnaround) if station.alive else 0
             whole = float(model.replied(station) + spread_of(station.turnaround)[0])
             self._transitions[key] = exchange_transitions(
-                self.attempt(station),
-                model.silent_cost,
-                whole,
-                unit,
-                attempts,
-                self.mark(station),
+                self.attempt(station), model.silent_cost, whole, unit, attempts, self.mark(station)
             )
         return self._transitions[key]
 

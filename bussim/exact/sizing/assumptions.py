@@ -191,13 +191,7 @@ def refused_otherwise(model: LinkModel, goals: Goals) -> tuple[str, ...]:
     noise = _other_noise(model)
     alternatives = [(each, False) for each in _alternatives(model)] + [(noise, True)]
     said = [
-        say(
-            "assume_then",
-            name=name,
-            alternative=alternative,
-            retries=choice.retries,
-            units=choice.d8180,
-        )
+        say("assume_then", name=name, alternative=alternative, retries=choice.retries, units=choice.d8180)
         for (name, alternative, changed), alone in alternatives
         if timeout_floor(changed) <= changed.timeout_range[1] * TIMEOUT_UNIT
         and (choice := recommend(changed, goals, alone=alone))

@@ -41,11 +41,7 @@ class Grid:
     """
 
     def __init__(
-        self,
-        model: LinkModel,
-        attempts: tuple[int, ...],
-        timeouts: tuple[int, ...],
-        deadlines: Sequence[int],
+        self, model: LinkModel, attempts: tuple[int, ...], timeouts: tuple[int, ...], deadlines: Sequence[int]
     ) -> None:
         self.model = model
         self.attempts = attempts

@@ -102,10 +102,7 @@ def weaker_bursts(model: LinkModel) -> tuple[LinkModel, ...]:
     if all(source.chain is None for source in replies):
         return ()  # each failed attempt takes the whole timeout
     return tuple(
-        replace(
-            model,
-            noise=LineNoise(tuple(_weaker(s, level / rate) for s in sources), model.noise.chains),
-        )
+        replace(model, noise=LineNoise(tuple(_weaker(s, level / rate) for s in sources), model.noise.chains))
         for level in _BURSTS
         if level < rate
     )

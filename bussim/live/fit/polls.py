@@ -210,12 +210,5 @@ def _estimate(request: Request, starts: array[int], span: int, attempts: int) ->
     low = min(every, apart[len(apart) // 20]) if apart else None
     high = max(every, apart[-1 - len(apart) // 20]) if apart else None
     return PollEstimate(
-        *request,
-        len(starts),
-        starts[0] if starts else 0,
-        every,
-        low,
-        high,
-        grid is not None,
-        attempts - 1,
+        *request, len(starts), starts[0] if starts else 0, every, low, high, grid is not None, attempts - 1
     )

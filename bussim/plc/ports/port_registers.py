@@ -42,11 +42,7 @@ class PortRegisters:
     """
 
     def __init__(
-        self,
-        spec: PortSpec,
-        polls: Sequence[PollSpec | FreeSpec],
-        profile: Profile,
-        maps: Maps | None = None,
+        self, spec: PortSpec, polls: Sequence[PollSpec | FreeSpec], profile: Profile, maps: Maps | None = None
     ) -> None:
         self.spec = spec
         #: What the port's words said at the latest STOP→RUN; None before it and where it refused them.

@@ -96,12 +96,7 @@ class ProgramRun:
         self._times = (0, 0, 0)  # the scan before it, the shortest and the longest since RUN
         self._loops = [0] * len(program.blocks)
         self._blocks = blocks(
-            program,
-            self._machine,
-            calls=self._calls,
-            call=self._call,
-            loops=self._loops,
-            watch=self._watch,
+            program, self._machine, calls=self._calls, call=self._call, loops=self._loops, watch=self._watch
         )
         first = program.blocks[0].exit
         self._has_masters = any(at.spec.flow is Flow.MC for at in program.instructions)

@@ -11,14 +11,7 @@ from matplotlib.patches import Patch
 from bussim.errors import UsageError
 from bussim.results.meters.histogram import BIN_TICKS, Histogram
 from bussim.results.meters.latency_record import PARTS, LatencyRecord
-from bussim.results.plots.bars import (
-    draw,
-    is_far,
-    legend_of_marks,
-    marks_in_words,
-    usual_range,
-    whole_range,
-)
+from bussim.results.plots.bars import draw, is_far, legend_of_marks, marks_in_words, usual_range, whole_range
 from bussim.results.plots.scan_times import captions, run_labels
 from bussim.results.plots.style import (
     DISTRIBUTION,

@@ -202,11 +202,7 @@ def legend_of_runs(labels: Sequence[str], texts: Sequence[str]) -> list[Line2D]:
     """A line for each of several runs, in its colour, and what the marks of all of them mean."""
     handles = [
         Line2D(
-            [],
-            [],
-            color=RUNS[number],
-            linewidth=3,
-            label=said_text("plot_of_run", label=label, text=text),
+            [], [], color=RUNS[number], linewidth=3, label=said_text("plot_of_run", label=label, text=text)
         )
         for number, (label, text) in enumerate(zip(labels, texts, strict=True))
     ]

@@ -8,13 +8,7 @@ from bussim.words.tables import recognised
 
 #: Columns of a label.
 _LABEL = 16
-_NAMES = {
-    "min": "time_min",
-    "p50": "time_median",
-    "mean": "time_mean",
-    "p99": "time_p99",
-    "max": "time_max",
-}
+_NAMES = {"min": "time_min", "p50": "time_median", "mean": "time_mean", "p99": "time_p99", "max": "time_max"}
 
 
 _LASTING = re.compile(r"(.+) for (\d\S* \w+)", re.DOTALL)

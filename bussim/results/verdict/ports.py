@@ -14,10 +14,7 @@ _BUSY = "busy with another request"
 
 
 def bus_findings(
-    bus: str,
-    found: Mapping[str, Any],
-    nodes: Mapping[str, Mapping[str, Any]],
-    irregular: Irregulars,
+    bus: str, found: Mapping[str, Any], nodes: Mapping[str, Mapping[str, Any]], irregular: Irregulars
 ) -> Iterator[Finding]:
     """Of a bus beside the links: which nodes send at the same time. ``nodes`` are its ports and devices."""
     masters = [name for name, node in nodes.items() if node.get("transactions")]

@@ -12,15 +12,7 @@ from bussim.plc.scan import Scan
 from bussim.scenario.build.canonical import canonical
 from bussim.scenario.build.disturbances import faults_of, noise_of
 from bussim.scenario.build.names import unique_names
-from bussim.scenario.model import (
-    Bus,
-    CarriedWarning,
-    Edge,
-    Latency,
-    LinkAttachment,
-    Plc,
-    Scenario,
-)
+from bussim.scenario.model import Bus, CarriedWarning, Edge, Latency, LinkAttachment, Plc, Scenario
 from bussim.scenario.provenance import ASSUMED, ENTERED, MEASURED
 from bussim.scenario.resolve.members import Member, device_name
 from bussim.scenario.resolve.scenario import Resolved

@@ -190,10 +190,7 @@ def _explicit(name: str, words: Device, given: PortIn, line: LineTiming) -> dict
         if value is not None:
             found[key] = (register_of(name, words, key), value // _UNITS.get(key, 1))
     if given.protocol is not None:
-        found["protocol"] = (
-            register_of(name, words, "protocol"),
-            cpavl.PROTOCOL_CODES[given.protocol],
-        )
+        found["protocol"] = (register_of(name, words, "protocol"), cpavl.PROTOCOL_CODES[given.protocol])
     own = [key for key in _FORMAT_KEYS if getattr(given, key) is not None]
     if own:
         word = cpavl.format_word(own_line(given, line), eight_bit=bool(given.eight_bit))

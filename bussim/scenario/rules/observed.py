@@ -38,11 +38,7 @@ def check_latencies(resolved: Resolved, report: Report) -> None:
 
 
 def _check_latency(
-    entry: Entry[LatencyIn],
-    given: LatencyIn,
-    source: Member,
-    target: Member,
-    report: Report,
+    entry: Entry[LatencyIn], given: LatencyIn, source: Member, target: Member, report: Report
 ) -> None:
     start, end, path = given.from_, given.to, entry.path
     _check_device((*path, "from"), start, source, report)

@@ -149,11 +149,7 @@ def _check_bare(
 
 
 def _check_config(
-    entry: Entry[PlcIn],
-    config: PortConfiguration,
-    member: Member,
-    line: Line | None,
-    report: Report,
+    entry: Entry[PlcIn], config: PortConfiguration, member: Member, line: Line | None, report: Report
 ) -> None:
     path, given = config.path, config.given
     sure = not entry.lost("registers", "ports")

@@ -215,8 +215,7 @@ class FlipBitsIn(StationIn):
 
     direction: Side = "tx"
     bits: Annotated[
-        list[Annotated[int, whole(0, LONGEST_BITS - 1)]],
-        Field(min_length=1, max_length=LONGEST_BITS),
+        list[Annotated[int, whole(0, LONGEST_BITS - 1)]], Field(min_length=1, max_length=LONGEST_BITS)
     ]
     frame: Annotated[str, choice(*LINK_FRAMES, *MODBUS_FRAMES)] | None = None
 

@@ -7,17 +7,7 @@ from pydantic import Field
 from bussim.engines.free.engine import MAX_BYTES
 from bussim.engines.modbus.adu import LAST_STATION
 from bussim.engines.modbus.pdu import STANDARD_LIMITS
-from bussim.forms.fields import (
-    DeviceName,
-    FunctionCode,
-    Hex,
-    Name,
-    Text,
-    Time,
-    Times,
-    choice,
-    whole,
-)
+from bussim.forms.fields import DeviceName, FunctionCode, Hex, Name, Text, Time, Times, choice, whole
 from bussim.forms.form import Model
 
 #: Most values that one request carries.

@@ -14,18 +14,7 @@ from pydantic import Field, create_model, field_validator, model_validator
 
 from bussim.engines.modbus.gaps import GapRule
 from bussim.engines.nn.frames import MODES
-from bussim.forms.fields import (
-    Flag,
-    Range,
-    Time,
-    Title,
-    choice,
-    fail,
-    nanoseconds,
-    number,
-    time,
-    whole,
-)
+from bussim.forms.fields import Flag, Range, Time, Title, choice, fail, nanoseconds, number, time, whole
 from bussim.forms.form import Model
 from bussim.forms.rtu_gaps import RtuGapsIn
 from bussim.plc.memory import DeviceRange, latched_problem

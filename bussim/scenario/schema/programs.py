@@ -7,18 +7,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field, model_validator
 
-from bussim.forms.fields import (
-    FileName,
-    Flag,
-    Name,
-    PlcDevice,
-    Positive,
-    Time,
-    choice,
-    fail,
-    time,
-    whole,
-)
+from bussim.forms.fields import FileName, Flag, Name, PlcDevice, Positive, Time, choice, fail, time, whole
 from bussim.forms.form import Model, OneKind
 from bussim.scenario.yaml.input_table import MAX_TIMES
 from bussim.wording import show

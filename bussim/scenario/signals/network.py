@@ -18,16 +18,7 @@ from bussim.plc.link_registers import D_MODE, D_SLAVES, D_STATION, bad_parameter
 from bussim.plc.memory import FIRST_SPECIAL, BlockRange, Device, block_range
 from bussim.plc.program.program import Program
 from bussim.plc.program.text.catalog import Flow, Instruction
-from bussim.plc.program.text.ladder import (
-    Both,
-    Condition,
-    Contact,
-    Either,
-    Not,
-    Rung,
-    Saved,
-    parts,
-)
+from bussim.plc.program.text.ladder import Both, Condition, Contact, Either, Not, Rung, Saved, parts
 from bussim.plc.program.text.operand_checks import READ_ONLY_BITS, Extent, extents
 from bussim.scenario.model import Plc
 from bussim.words.language import say

@@ -18,12 +18,7 @@ from bussim.plc.program.text.catalog import Instruction
 from bussim.plc.program.text.ladder import Both, Condition, Contact, Either, Not, Saved, parts
 from bussim.plc.program.text.operand_checks import READ_ONLY_BITS, extents
 from bussim.scenario.model import Latency, Plc, Scenario
-from bussim.scenario.signals.network import (
-    Marks,
-    Network,
-    Reachability,
-    vague_instructions,
-)
+from bussim.scenario.signals.network import Marks, Network, Reachability, vague_instructions
 from bussim.words.language import say
 
 #: Always on and always off (FX programming manual).
@@ -92,10 +87,7 @@ def _signal_path(network: Network, entry: Latency, bus: str | None) -> SignalPat
     source, target = (network.plcs[position] for position in positions)
     start, end = (parse_device(name, observed=True) for name in (entry.source, entry.target))
     reachability = network.reachability(source, start, target, end)
-    ends = {
-        "start": f"{entry.source_plc}.{entry.source}",
-        "end": f"{entry.target_plc}.{entry.target}",
-    }
+    ends = {"start": f"{entry.source_plc}.{entry.source}", "end": f"{entry.target_plc}.{entry.target}"}
     reason, scans, gates = "", (0, 0), dict[int, list[str]]()
     match reachability:
         case Reachability.NONE:

@@ -268,8 +268,7 @@ def _remedies(
     for name in goals.of_ports():
         eased = goals.with_limit(name, math.inf)
         best = min(
-            (each.value(name) for each in tried if _meets(each, eased, goals.of_ports())),
-            default=None,
+            (each.value(name) for each in tried if _meets(each, eased, goals.of_ports())), default=None
         )
         if best is not None:
             limit = goals.rounded_up(name, best)

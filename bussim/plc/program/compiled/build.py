@@ -5,13 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 from bussim.plc.program.compiled.access import locate, value_reader
-from bussim.plc.program.compiled.code import (
-    ARRAYS,
-    WORD_ARRAYS,
-    compiled,
-    is_bound_coil,
-    needs_function,
-)
+from bussim.plc.program.compiled.code import ARRAYS, WORD_ARRAYS, compiled, is_bound_coil, needs_function
 from bussim.plc.program.instructions import arithmetic, coils, moves, serial, shifts
 from bussim.plc.program.machine import Act, Machine, OperationError, Take
 from bussim.plc.program.program import Program
