@@ -6,34 +6,16 @@ from typing import Any
 
 Number = int | float
 
+_OF_SCAN_TIMES = ("mean", "min", "p50", "p95", "p99", "p999", "max")
 #: Figures of an N:N link, in the order of the columns; each stands behind the bus's name and a dot.
 #: Those that end in ``_`` are followed by an error code or a station number.
 LINK_FIGURES = (
     "scans",
-    "scan_time_mean_ms",
-    "scan_time_min_ms",
-    "scan_time_p50_ms",
-    "scan_time_p95_ms",
-    "scan_time_p99_ms",
-    "scan_time_p999_ms",
-    "scan_time_max_ms",
-    "scan_time_max_after_startup_ms",
-    "D8202",
-    "polls",
-    "failed_attempts",
-    "failed_attempts_",
-    "station_errors",
-    "station_errors_",
-    "station_error_onsets",
-    "station_error_onsets_",
-    "bus_load",
-    "undetected_frames",
-    "collisions",
-    "refresh_gap_max_ms",
-    "stale_max_ms",
-    "healthy_at_s",
+    *(f"scan_time_{name}_ms" for name in (*_OF_SCAN_TIMES, "max_after_startup")),
+    *("D8202", "polls", "failed_attempts", "failed_attempts_", "station_errors", "station_errors_"),
+    *("station_error_onsets", "station_error_onsets_", "bus_load", "undetected_frames", "collisions"),
+    *("refresh_gap_max_ms", "stale_max_ms", "healthy_at_s"),
 )
-_OF_SCAN_TIMES = ("mean", "min", "p50", "p95", "p99", "p999", "max")
 _OF_BUSES = ("bus_load", "frames", "collisions", "undetected_frames")
 #: Counts of events, which may be too rare to occur in any repeat.
 _EVENTS = re.compile(

@@ -15,6 +15,7 @@ from bussim.live.fit.noise import NoiseEstimate
 from bussim.live.fit.outages import Losses
 from bussim.live.fit.statistics import Estimate
 from bussim.results.meters.histogram import BIN_TICKS, Histogram
+from bussim.results.numbers import ms as _ms
 from bussim.units import milliseconds, seconds
 from bussim.wording import counted
 
@@ -161,10 +162,6 @@ _OF_BURSTS = ("seen", "attempts", "failures", "p_fail", "p_fail_after_fail", "ru
 def _settings(link: LinkEstimate) -> tuple[int, int, int, int]:
     slaves, mode, retries, timeout = link.settings
     return slaves, mode, retries, 10 * timeout
-
-
-def _ms(ticks: float | None) -> float | None:
-    return None if ticks is None else round(milliseconds(ticks), 6)
 
 
 def _interval(

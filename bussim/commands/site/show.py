@@ -5,9 +5,8 @@ from math import ceil
 from statistics import median
 
 from rich.console import Console
-from rich.text import Text
 
-from bussim.commands.common.console import plain_table
+from bussim.commands.common.console import plain_table, print_line
 from bussim.plc.profiles import Attempts
 from bussim.site.calibration import Found
 from bussim.site.diagnosis.causes import MEANINGS
@@ -20,10 +19,6 @@ from bussim.site.result import SiteResult
 
 #: Causes whose evidence is printed.
 _SHOWN = 3
-
-
-def _line(console: Console, text: str, indent: int = 2, style: str = "") -> None:
-    console.print(Text(" " * indent + text, style))
 
 
 def show_readout(console: Console, found: SiteResult, *, planned: bool) -> None:
@@ -39,21 +34,21 @@ def show_readout(console: Console, found: SiteResult, *, planned: bool) -> None:
 def show_diagnosis(console: Console, readout: Readout, found: Diagnosis) -> None:
     """Print the likeliest causes with their evidence, and the next reading."""
     for note in readout.notes:
-        _line(console, f"note: {note}", 0)
-    _line(console, "what is wrong", 0, "bold")
+        print_line(console, f"note: {note}", 0)
+    print_line(console, "what is wrong", 0, "bold")
     if not found.causes:
-        _line(console, "nothing in these readings points to a cause")
+        print_line(console, "nothing in these readings points to a cause")
     for index, cause in enumerate(found.causes[:_SHOWN], 1):
         at = readout.label(cause.station)
         text = f"{index}. {MEANINGS[cause.cause].format(at=at)} ({cause.score:.1f} points)"
-        _line(console, text, style="bold" if index == 1 else "")
+        print_line(console, text, style="bold" if index == 1 else "")
         for why in cause.evidence:
-            _line(console, why, 5)
+            print_line(console, why, 5)
     if found.close:
         names = ", ".join(one.cause.value.replace("_", " ") for one in (found.causes[0], *found.close))
-        _line(console, f"these readings cannot tell apart, or more than one is there: {names}")
+        print_line(console, f"these readings cannot tell apart, or more than one is there: {names}")
     for text in found.next:
-        _line(console, f"next: {text}")
+        print_line(console, f"next: {text}")
 
 
 def show_picture(
@@ -62,11 +57,11 @@ def show_picture(
     """Print how much noise there is, where, what it rests on, and what ``bussim size`` makes of it."""
     measured, link = found.measured, found.link
     read_as = "" if meaning is None else f", if D8179 means {meaning} (the calibration left it open)"
-    _line(console, f"how much noise, and where{read_as}", 0, "bold")
+    print_line(console, f"how much noise, and where{read_as}", 0, "bold")
     if mend_first:
-        _line(console, "mend the cause above first: what follows counts its failures too")
+        print_line(console, "mend the cause above first: what follows counts its failures too")
     least, _, most = measured.scans
-    _line(console, f"link scans watched: {least:,.0f} to {most:,.0f}")
+    print_line(console, f"link scans watched: {least:,.0f} to {most:,.0f}")
     table = plain_table(("station", "limited by"), ("attempts that fail", "95 % interval"))
     for k, fails in found.fails.items():
         value = f"{fails.value:.2g}" if fails.value else ""
@@ -80,47 +75,47 @@ def show_picture(
     if measured.lenses:
         console.print(table)
     for text in found.unexplained:
-        _line(console, f"unexplained: {text}")
-    _line(console, f"bursts: {found.bursts}")
-    _line(console, "noise:")
+        print_line(console, f"unexplained: {text}")
+    print_line(console, f"bursts: {found.bursts}")
+    print_line(console, "noise:")
     for entry in found.entries():
-        _line(console, f"- {flow(entry)}", 4)
+        print_line(console, f"- {flow(entry)}", 4)
     for entry in found.upper.entries(link.names):
-        _line(console, f"# at most: {flow(entry)}", 4)
+        print_line(console, f"# at most: {flow(entry)}", 4)
     for text in found.unknown:
-        _line(console, f"# not known: {text}", 4)
+        print_line(console, f"# not known: {text}", 4)
     chosen = sizes(found)
-    _line(console, f"bussim size by these values: {chosen['likeliest'].in_words()}")
-    _line(console, f"bussim size by the upper limits: {chosen['upper_limits'].in_words()}")
+    print_line(console, f"bussim size by these values: {chosen['likeliest'].in_words()}")
+    print_line(console, f"bussim size by the upper limits: {chosen['upper_limits'].in_words()}")
 
 
 def show_plan(console: Console, found: Picture) -> None:
     """Print how long to watch with which reading, and the ladder's thresholds."""
     fails, limit = expected_failures(found)
     guess = f"{'the upper limit' if limit else 'the value'} {median(fails):.2g} of failed attempts"
-    _line(console, f"how long for {EVENTS} events, by {guess}", 0, "bold")
+    print_line(console, f"how long for {EVENTS} events, by {guess}", 0, "bold")
     for watch in plan(found):
-        _line(console, watch.in_words())
+        print_line(console, watch.in_words())
     a, b, c = (ceil(each) for each in found.link.thresholds())
-    _line(console, f"the ladder's thresholds: {a}, {b}, {c} (least D8201 that counts)")
+    print_line(console, f"the ladder's thresholds: {a}, {b}, {c} (least D8201 that counts)")
 
 
 def show_calibration(console: Console, found: Found, profile: str) -> None:
     """Print what experiments decide of a profile, what they leave open, and what no rule explains."""
-    _line(console, "what the experiments decide", 0, "bold")
+    print_line(console, "what the experiments decide", 0, "bold")
     for name, decided in found.fields.items():
-        _line(console, f"{name}: {decided}")
+        print_line(console, f"{name}: {decided}")
     for name, (value, low, high) in found.times.items():
-        _line(console, f"{name}: {value:.2f} ms, by the rounding {low:.2f} to {high:.2f} ms")
+        print_line(console, f"{name}: {value:.2f} ms, by the rounding {low:.2f} to {high:.2f} ms")
     for name, why in found.open.items():
-        _line(console, f"open: {name} ({why}); the profile keeps what is assumed")
+        print_line(console, f"open: {name} ({why}); the profile keeps what is assumed")
     for text in found.checked:
-        _line(console, f"checked: {text}")
+        print_line(console, f"checked: {text}")
     for text in found.unexplained:
-        _line(console, f"the model is wrong here: {text}", style="bold")
-    _line(console, "no profile is written of this" if found.unexplained else "the profile:")
+        print_line(console, f"the model is wrong here: {text}", style="bold")
+    print_line(console, "no profile is written of this" if found.unexplained else "the profile:")
     for text in profile.splitlines():
-        _line(console, text, 4)
+        print_line(console, text, 4)
 
 
 def flow(entry: Mapping[str, object]) -> str:

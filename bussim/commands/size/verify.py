@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from dataclasses import dataclass, replace
+from statistics import fmean, variance
 from typing import TYPE_CHECKING, assert_never
 
 from bussim.exact.from_scenario import from_scenario
@@ -264,7 +265,6 @@ def _batches(values: Sequence[float]) -> tuple[float, float, float]:
     size, total = len(values) // _BATCHES, math.fsum(values)
     if size < 1:
         return math.nan, math.inf, total
-    batches = [math.fsum(values[i * size : (i + 1) * size]) / size for i in range(_BATCHES)]
-    mean = math.fsum(batches) / _BATCHES
-    variance = math.fsum((batch - mean) ** 2 for batch in batches) / (_BATCHES - 1)
-    return mean, student_t(_BATCHES - 1, _CONFIDENCE) * math.sqrt(variance / _BATCHES), total
+    batches = [fmean(values[i * size : (i + 1) * size]) for i in range(_BATCHES)]
+    half = student_t(_BATCHES - 1, _CONFIDENCE) * math.sqrt(variance(batches) / _BATCHES)
+    return fmean(batches), half, total

@@ -15,6 +15,7 @@ from bussim.live.sniff.link import OUTCOMES, LinkDecoder
 from bussim.live.sniff.listener import Listener
 from bussim.live.sniff.modbus import NO_ATTEMPT
 from bussim.results.collector import Collector, Rows
+from bussim.results.meters import histogram
 from bussim.results.meters.histogram import QUANTILES, Histogram
 from bussim.trace.records import AttemptRecord, Record, ScanRecord, TransactionRecord
 from bussim.units import milliseconds, seconds
@@ -95,9 +96,8 @@ NEITHER = NO_ATTEMPT | {"unclear"}
 
 def statistics(times: Histogram) -> dict[str, float | None]:
     """The figures of a histogram, in ms."""
-    quantiles = {name: times.quantile(thousandths) for name, thousandths in QUANTILES.items()}
-    figures = {"min": times.minimum, "mean": times.mean, **quantiles, "max": times.maximum}
-    return {name: None if value is None else round(milliseconds(value), 6) for name, value in figures.items()}
+    found = histogram.statistics(times)
+    return {name: found[name] for name in ("min", "mean", *QUANTILES, "max")}
 
 
 def to_json(

@@ -119,28 +119,20 @@ BY_NAME: Final = {register.name: register for register in REGISTERS}
 #: The command coils by their numbers in the manual, 00001 and on. 00001 has lost its name there: saving
 #: (assumed; its note 1 speaks of a save command). The manual prints 00008 as 80000, and calls 00017
 #: "output 3 on".
-COILS: Final = {
-    1: "save",
-    2: "read_project",
-    3: "clear_project",
-    4: "stop",
-    5: "jog_forward",
-    6: "jog_reverse",
-    7: "to_zero",
-    8: "run_once",
-    9: "start_project",
-    10: "home",
-    11: "clear_position",
-    12: "output_1_on",
-    13: "output_1_off",
-    14: "output_2_on",
-    15: "output_2_off",
-    16: "output_3_on",
-    17: "output_3_off",
-    18: "previous_step",
-    19: "next_step",
-    37: "reset_basic",
-}
+_FROM_1 = (
+    *("save", "read_project", "clear_project", "stop", "jog_forward", "jog_reverse", "to_zero", "run_once"),
+    *(
+        "start_project",
+        "home",
+        "clear_position",
+        "output_1_on",
+        "output_1_off",
+        "output_2_on",
+        "output_2_off",
+    ),
+    *("output_3_on", "output_3_off", "previous_step", "next_step"),
+)
+COILS: Final = {**dict(enumerate(_FROM_1, 1)), 37: "reset_basic"}
 
 #: Ticks of a millisecond of 40035/40036.
 DELAY_UNIT: Final = TICKS_PER_SECOND // 1000

@@ -66,13 +66,6 @@ def choice_of(grid: Grid, reading: Attempts, retries: int, timeout: int) -> Choi
     """A setting (``timeout`` in ticks) with its figures."""
     attempts = attempts_per_poll(reading, retries)
     i, j = grid.at(attempts, timeout)
-    figures = (
-        grid.mean,
-        grid.errors,
-        grid.onsets,
-        grid.one_dead,
-        grid.detect_mean,
-        grid.detect_longest,
-        grid.silence,
-    )
-    return Choice(retries, timeout, attempts, *(float(values[i, j]) for values in figures))
+    times = grid.one_dead, grid.detect_mean, grid.detect_longest, grid.silence
+    figures = (float(values[i, j]) for values in (grid.mean, grid.errors, grid.onsets, *times))
+    return Choice(retries, timeout, attempts, *figures)

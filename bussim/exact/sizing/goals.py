@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
+from typing import Any
 
 from bussim.exact.text import a_year, at_most, ms_at_least, ms_at_most
 from bussim.units import TICKS_PER_MS, UNIT_TICKS, format_time, parse_time
@@ -125,27 +126,20 @@ class Goals:
             raise ValueError(f"is {text!r}; @ belongs to scan and heartbeat only, write {form}")
         if name in self.given:
             raise ValueError(f"is {text!r}, a second goal {name}; give each once")
-        goals = replace(self, given=(*self.given, name))
+        limit: Any
         match name:
-            case "errors":
-                return replace(goals, errors=_rate(text, value, form))
-            case "onsets":
-                return replace(goals, onsets=_rate(text, value, form))
-            case "ride" if value.strip() == "0":
-                return replace(goals, ride=0)
+            case "errors" | "onsets":
+                limit = _rate(text, value, form)
             case "ride":
-                return replace(goals, ride=_time(text, value, least=0))
-            case "dead":
-                return replace(goals, dead=_time(text, value))
-            case "cycle":
-                return replace(goals, cycle=_time(text, value))
-            case "age":
-                return replace(goals, age=_time(text, value))
+                limit = 0 if value.strip() == "0" else _time(text, value, least=0)
+            case "dead" | "cycle" | "age":
+                limit = _time(text, value)
             case "scan":
-                return replace(goals, scan=(_time(text, value), _probability(text, extra, form)))
+                limit = _time(text, value), _probability(text, extra, form)
             case _:
                 missed = Rate(0.1) if extra is None else _rate(text, extra, form)
-                return replace(goals, heartbeat=(_time(text, value), missed))
+                limit = _time(text, value), missed
+        return replace(self, given=(*self.given, name), **{name: limit})
 
     def forms(self) -> dict[str, str]:
         """Each goal as a user writes it, by its name."""
@@ -161,23 +155,13 @@ class Goals:
 
     def limit(self, name: str) -> float:
         """What a figure of a poll list may be at most, by the goal's name."""
-        found = {"errors": self.errors, "cycle": self.cycle, "dead": self.dead, "age": self.age}[name]
-        return math.inf if found is None else found
+        found = getattr(self, name)
+        return math.inf if found is None else float(found)
 
     def with_limit(self, name: str, limit: float) -> Goals:
         """These goals with another limit of one that poll lists have; infinity for none."""
-        time = None if math.isinf(limit) else round(limit)
-        match name:
-            case "errors":
-                return replace(self, errors=limit)
-            case "cycle":
-                return replace(self, cycle=time)
-            case "dead":
-                return replace(self, dead=time)
-            case "age":
-                return replace(self, age=time)
-            case _:
-                raise ValueError(f"{name} is no goal of a poll list")
+        value: Any = limit if name == "errors" else None if math.isinf(limit) else round(limit)
+        return replace(self, **{name: value})
 
     def form_of(self, name: str, limit: float | None = None) -> str:
         """A goal of a poll list as a user writes it, with its own limit or another one."""

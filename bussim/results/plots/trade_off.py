@@ -101,24 +101,12 @@ def _points(
 def _recommended(axes: Axes, retries: int, point: tuple[float, float], timeout: float) -> Line2D:
     """A ring around the recommended dot, where it lies lower at the edge; the handle for the legend."""
     x, y = point
-    ring: dict[str, Any] = {
-        "mfc": "none",
-        "mec": "black",
-        "mew": 1.8,
-        "markersize": 17,
-        "zorder": 5,
-        "clip_on": False,
-    }
-    axes.plot([x], [max(y, _LOWEST)], "o", **ring)
+    ring: dict[str, Any] = {"mfc": "none", "mec": "black", "mew": 1.8, "markersize": 17, "zorder": 5}
+    axes.plot([x], [max(y, _LOWEST)], "o", clip_on=False, **ring)
     if y < _LOWEST:
         axes.annotate(f"{retries}", (x, _LOWEST), ha="center", va="center", fontsize=8, zorder=6)
-        note: dict[str, Any] = {
-            "xytext": (13, 0),
-            "textcoords": "offset points",
-            "va": "center",
-            "fontsize": 8,
-        }
-        axes.annotate(said_text("plot_below"), (x, _LOWEST), **note)
+        note: dict[str, Any] = {"xytext": (13, 0), "textcoords": "offset points", "va": "center"}
+        axes.annotate(said_text("plot_below"), (x, _LOWEST), fontsize=8, **note)
     label = said_text("plot_recommended", retries=retries, units=timeout / 10, timeout=timeout)
     return Line2D([], [], marker="o", mfc="none", mec="black", markersize=10, linestyle="", label=label)
 
