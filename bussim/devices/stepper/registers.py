@@ -121,16 +121,8 @@ BY_NAME: Final = {register.name: register for register in REGISTERS}
 #: "output 3 on".
 _FROM_1 = (
     *("save", "read_project", "clear_project", "stop", "jog_forward", "jog_reverse", "to_zero", "run_once"),
-    *(
-        "start_project",
-        "home",
-        "clear_position",
-        "output_1_on",
-        "output_1_off",
-        "output_2_on",
-        "output_2_off",
-    ),
-    *("output_3_on", "output_3_off", "previous_step", "next_step"),
+    *("start_project", "home", "clear_position", "output_1_on", "output_1_off", "output_2_on"),
+    *("output_2_off", "output_3_on", "output_3_off", "previous_step", "next_step"),
 )
 COILS: Final = {**dict(enumerate(_FROM_1, 1)), 37: "reset_basic"}
 
