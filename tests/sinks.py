@@ -7,17 +7,43 @@ from collections.abc import Sequence
 import numpy as np
 
 from bussim.results.store.rows import ordinary_records
-from bussim.trace.records import Record
+from bussim.trace.records import CycleRecord, OrdinaryTurns, Outcome, PollRecord, Record
 
 
 class OneByOne:
     """Takes what comes many at once one by one."""
+
+    in_order = False
 
     def take(self, record: Record) -> None:
         raise NotImplementedError
 
     def refreshed(self, bus: str, source: int, tick: int, heard: Sequence[int] | None) -> None:
         raise NotImplementedError
+
+    def exchanged(self, bus: str, node: str, peer: str, start: int, outcome: Outcome) -> None:
+        raise NotImplementedError
+
+    def ordinary_turns(self, turns: Sequence[OrdinaryTurns], cycles: Sequence[CycleRecord]) -> None:
+        for first, peer, *columns in turns:
+            for sent, begun, taken, driven, late in zip(*columns, strict=True):
+                assert None not in (first.sent, first.answer_start)
+                later, response = sent - (first.sent or 0), begun - (first.answer_start or 0)
+                self.take(
+                    first._replace(
+                        sent=sent,
+                        asked=(first.asked or 0) + later,
+                        served=(first.served or 0) + later,
+                        answer_start=begun,
+                        answer_end=(first.answer_end or 0) + response,
+                        end=first.end + response,
+                        taken=taken,
+                    )
+                )
+                self.exchanged(first.bus, first.master, peer, sent, Outcome.GOOD)
+                self.take(PollRecord(first.bus, first.master, first.poll, driven, taken, 1, None, late))
+        for cycle in cycles:
+            self.take(cycle)
 
     def ordinary_scans(self, bus: str, number: int, starts: np.ndarray, attempts: int) -> None:
         for record in ordinary_records(bus, number, starts, attempts):

@@ -103,6 +103,10 @@ class AreaMap(ABC):
             values += fetched
         return values
 
+    def alike_until(self, now: int) -> int:
+        """Until when reads change nothing and are carried out or refused as they would be now."""
+        return 1 << 62
+
     def write(self, space: Space, address: int, values: Sequence[int], now: int) -> ExceptionCode | None:
         """See the protocol."""
         parts = self.parts(space, address, len(values))

@@ -244,11 +244,11 @@ class LinkRegisters:
         block = MODES[mode]
         return block_range(station, block.bits, block.words, self._profile.word_spacing)
 
-    def other_blocks(self) -> list[BlockRange]:
-        """Where the blocks of all other stations lie in the largest mode; none without an engine."""
+    def blocks(self) -> dict[int, BlockRange]:
+        """Where the blocks of all stations lie in the largest mode, by station; none without an engine."""
         mode = max(range(len(MODES)), key=lambda mode: MODES[mode].size)
         numbers = range(STATIONS) if self.engine is not None else ()
-        return [self.range_of(number, mode) for number in numbers if number != self.station]
+        return {number: self.range_of(number, mode) for number in numbers}
 
     def store_blocks(self, blocks: Iterable[tuple[int, bytes]]) -> None:
         """Write received blocks of other stations into the memory, those of the mode in force."""

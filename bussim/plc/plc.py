@@ -118,6 +118,8 @@ class Plc:
         #: Whether received blocks may change what ENDs do, which may be left out if they do not.
         self.reads_blocks = False
         self._rests_until = -1  # before this tick no END changes anything; -1: the next one may
+        #: Whether its ports write neither into blocks of the link nor to sources or special devices.
+        self.ports_apart = False
         #: Called with the tick when an END has come to matter that did not.
         self.on_wake: Callable[[int], None] | None = None
 
@@ -128,6 +130,11 @@ class Plc:
         shown = self.port_registers or self._observes_specials or any(at in status for at in self._observed)
         if self.every_end and depends is not None and not shown:
             self._depends = depends
+
+    @property
+    def longest_drawn(self) -> int:
+        """The longest scan since RUN without what lengthens it, in ticks."""
+        return self._longest
 
     @property
     def is_independent(self) -> bool:
@@ -198,7 +205,8 @@ class Plc:
             port.take_over(self.memory, self.errors, now)
         self._image, self.image_until = None, -1
         self._rests_until = -1
-        blocks = self.link_registers.other_blocks()
+        all_blocks = self.link_registers.blocks()
+        blocks = [block for station, block in all_blocks.items() if station != self.link_registers.station]
         depends = self._depends
         # What is written into other stations' blocks the next block undoes.
         self._may_rest = depends is not None and not depends.touches(blocks, writes=True)
@@ -207,6 +215,14 @@ class Plc:
         )
         stores = self.every_end or any(port.reads_devices for port in self._port_list)
         self._stores_blocks = stores if depends is None else self.reads_blocks
+        written = [port.writes for port in self._port_list]
+        self.ports_apart = None not in written and not any(
+            device in self._sources.by_device
+            or (device.letter in "MD" and device.address >= FIRST_SPECIAL)
+            or any(block.holds(device) for block in all_blocks.values())
+            for devices in written
+            for device in devices or ()
+        )
         first_end = self.cycle.run(now, mean, jitter, self._phase)
         self._longest = mean + jitter
         halted = logic is not None and logic.halted

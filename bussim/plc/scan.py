@@ -111,10 +111,11 @@ class ScanCycle:
         self._recorded = max(self._recorded, tick)
         return found
 
-    def set_load(self, end: int, extra: int) -> None:
+    def set_load(self, end: int, extra: int, now: int | None = None) -> None:
         """From the scan that begins at ``end`` on, every scan lasts ``extra`` ticks longer, until changed.
 
-        ``end`` is the latest END. Raises ValueError if it is no END of a PLC in RUN.
+        ``end`` is the latest END; with ``now`` it may lie ahead of that tick, and no ENDs after ``now`` are
+        given up. Raises ValueError if it is no END of a PLC in RUN.
         """
         if extra == self._extra:
             return
@@ -128,7 +129,7 @@ class ScanCycle:
             self._used -= len(ends) - index - 1
         del ends[index + 1 :]
         if index > _BLOCK or self._bounds:
-            self._forget(index - 1)
+            self._forget((index if now is None else bisect_left(ends, now)) - 1)
         self._extra = extra
         if self.on_change is not None:
             self.on_change(end)

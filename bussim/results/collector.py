@@ -71,6 +71,7 @@ class Collector:
         latency: Sequence[LatencySpec] = (),
     ) -> None:
         self.traced = traced
+        self.in_order = rows is not None
         self.notes: list[NoteRecord] = []
         self.left_out: Counter[str] = Counter()
         self._others = 0
@@ -211,6 +212,12 @@ class Collector:
     def exchanged(self, bus: str, node: str, peer: str, start: int, outcome: records.Outcome) -> None:
         """Count what became of a message or request."""
         self._ports.exchanged(bus, node, peer, start, outcome)
+
+    def ordinary_turns(
+        self, turns: Sequence[records.OrdinaryTurns], cycles: Sequence[records.CycleRecord]
+    ) -> None:
+        """Count turns and cycles without errors."""
+        self._ports.ordinary_turns(turns, cycles)
 
     def links(self, totals: RunTotals) -> dict[str, LinkRecord]:
         """What was kept of every link, in the order of the totals."""

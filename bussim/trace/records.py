@@ -227,11 +227,29 @@ class TraceHeader(NamedTuple):
         return next((bus for bus in self.buses if bus.name == name), None)
 
 
+class OrdinaryTurns(NamedTuple):
+    """Turns of one poll in order, each with one good transaction as ``first`` was; ticks, one entry a turn.
+
+    ``peer`` is the node that responds; ``begun`` are the first edges of the responses, ``driven`` and
+    ``late`` are those of :class:`PollRecord`.
+    """
+
+    first: TransactionRecord
+    peer: str
+    sent: list[int]
+    begun: list[int]
+    taken: list[int]
+    driven: list[int]
+    late: list[int]
+
+
 class Sink(Protocol):
     """What takes a run's records. Ticks of one type never decrease; of refreshes those of one source."""
 
     #: Whether attempts and frames are wanted; they cost time and memory.
     traced: bool
+    #: Whether records of several masters must come in the order of their ticks.
+    in_order: bool
 
     def take(self, record: Record) -> None:
         """Take a record: attempts and frames only if :attr:`traced`, an input's change when it is sampled."""
@@ -272,6 +290,9 @@ class Sink(Protocol):
 
         Blocks of it that are complete before ``fresh`` have what its memory held before RUN.
         """
+
+    def ordinary_turns(self, turns: Sequence[OrdinaryTurns], cycles: Sequence[CycleRecord]) -> None:
+        """Take a master's turns without errors and the cycles of its list; only unless :attr:`in_order`."""
 
     def irregular(self, bus: str, node: str, tick: int, what: str) -> None:
         """A node did at ``tick`` what disturbs or shows on a bus: one of :data:`IRREGULAR`."""

@@ -36,6 +36,10 @@ def left(done: Done) -> dict[str, Any]:
     found = vars(done.record).copy()
     # Those of several sources come source by source from scans that were done at once.
     found["refreshes"] = sorted(found["refreshes"], key=lambda refresh: refresh[2])
+    # So do those of several masters and polls.
+    for kind, order in {"transactions": "end", "turns": "end", "cycles": "start"}.items():
+        found[kind] = sorted(found[kind], key=lambda each, order=order: (each.master, getattr(each, order)))
+    found["exchanges"] = sorted(found["exchanges"], key=lambda each: (each[1], each[3]))
     for name, plc in done.simulation.plcs.items():
         found[name] = [bytes(plc.memory.bits(letter)) for letter in BIT_RANGES]
         found[name] += [plc.memory.words(letter).tolist() for letter in "DRTCVZ"]

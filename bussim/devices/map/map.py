@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from bussim.devices.areas import WRITABLE, Area, AreaMap, Part
-from bussim.devices.map.values import Fixed, Value
+from bussim.devices.map.values import Computed, Fixed, Value
 from bussim.engines.modbus.codes import ExceptionCode
 from bussim.engines.modbus.pdu import FUNCTIONS
 from bussim.engines.modbus.server import Space
@@ -62,6 +62,11 @@ class UserMap(AreaMap):
     def poll(self) -> ValueFailed | None:
         """The next failure of a function, None when there is none."""
         return self._failures.popleft() if self._failures else None
+
+    def alike_until(self, now: int) -> int:
+        """See the base class; a function may fail at any time."""
+        fails = any(isinstance(entry.value, Computed) for entry in self._entries.values())
+        return now if fails else super().alike_until(now)
 
     def _item(self, area: Area, address: int, now: int) -> int:
         written = self._written.get((area.space, address))

@@ -153,6 +153,11 @@ class Stepper(AreaMap):
             return self.controller.release_jog(REVERSE, now)
         return True
 
+    def alike_until(self, now: int) -> int:
+        """See the base class: until something happens on its own."""
+        change = self.controller.next_change()
+        return super().alike_until(now) if change is None else change
+
     def value(self, name: str, now: int) -> int:
         """A register by its name, two words as one number of 32 bits (not sign-extended)."""
         self.advance(now)

@@ -31,6 +31,12 @@ def fits(device: Device, function: int, count: int) -> bool:
     return any(low <= first and last <= high for low, high in BIT_RANGES[device.letter])
 
 
+def taken(device: Device, function: int, count: int) -> set[Device]:
+    """The devices that ``count`` items of a function take up in memory."""
+    number = -(-count // _WORD_BITS) if device.is_word and is_bits(function) else count
+    return {Device(device.letter, device.address + index) for index in range(number)}
+
+
 def words_fit(device: Device, count: int) -> bool:
     """Whether ``count`` words lie in memory from a D register on."""
     low, high = WORD_RANGES["D"][0]

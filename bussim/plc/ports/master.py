@@ -11,8 +11,8 @@ still takes its response over. The request's operands are those of the latest ex
 a write's data those of the END at which it leaves.
 """
 
-from collections.abc import Hashable, Sequence
-from typing import assert_never
+from collections.abc import Hashable, Iterator, Sequence
+from typing import NamedTuple, assert_never
 
 from bussim.engines.modbus.codes import PortError
 from bussim.engines.modbus.events import (
@@ -21,6 +21,7 @@ from bussim.engines.modbus.events import (
     FrameRejected,
     MasterEvent,
     PollEnded,
+    PollEvent,
     TransactionEnded,
 )
 from bussim.engines.modbus.master import Master, refusal
@@ -34,6 +35,36 @@ from bussim.plc.ports.rs2 import Call, Drive, Rs2, modbus_call
 from bussim.plc.ports.side import Side
 from bussim.plc.ports.spec import PollSpec
 from bussim.plc.ports.status import PortStatus
+from bussim.plc.scan import ScanCycle
+
+#: Most turns that are done at once.
+_MOST = 1024
+
+
+class Times(NamedTuple):
+    """How long the transactions of a poll take where nothing disturbs them, in ticks.
+
+    ``delays``, where not None, draw what is added to ``least``, uniform up to ``jitter``. ``quiet``: without
+    such a silence before the next request some slave does not know yet that the response is over.
+    """
+
+    asking: int  # first edge of the request to its last stop bit
+    least: int  # from there to the response's first edge
+    delays: Iterator[float] | None
+    jitter: int
+    responding: int  # to the response's last stop bit
+    closing: int  # to the decision
+    quiet: int
+
+
+class Turn(NamedTuple):
+    """A poll's turn with one good transaction, and what it has brought to an end in the list."""
+
+    poll: int  # in the list, from 0
+    sent: int
+    begun: int  # first edge of the response
+    taken: int
+    ended: tuple[PollEvent, ...]
 
 
 class MasterSide(Side):
@@ -78,6 +109,69 @@ class MasterSide(Side):
         """See the base class."""
         self._status.set_bit(RUNNING, 0)
 
+    # -- many turns at once ------------------------------------------------------------------------
+
+    @property
+    def polls(self) -> Sequence[PollSpec]:
+        """Its poll list."""
+        return self._list.polls
+
+    def leaves(self, end: int) -> bool:
+        """Whether a poll's first attempt leaves at this END, of a port without an error."""
+        first = self._list.running is not None and self._list.attempt == 1
+        due = self._call is not None and max(self._earliest, self.engine.ready_at) <= end
+        return first and due and not self._status.failing
+
+    def can_be_sent(self, poll: PollSpec) -> bool:
+        """Whether RS2 can send a poll's request."""
+        return self._obstacle(_call(poll)) is None
+
+    def pass_turns(
+        self, now: int, until: int, cycle: ScanCycle, load: int, longest: int, times: Sequence[Times]
+    ) -> list[Turn]:
+        """Do the turns from the END ``now`` on, at which a request leaves, that are over before ``until``.
+
+        ``longest`` is the longest scan without ``load``, by which a transaction lengthens it; ``times`` are
+        those of each poll. What is read is not stored.
+        """
+        polls, turns = self._list, list[Turn]()
+        at = taken = now
+        poll: PollSpec | None = None
+        longest += load + max(sum(each[:2]) + sum(each[3:6]) for each in times)
+        while at + longest < until and len(turns) < _MOST and polls.running is not None:
+            index = polls.running
+            asking, begun, delays, jitter, responding, closing, quiet = times[index]
+            begun += at + asking
+            if delays is not None:
+                begun += int(next(delays) * (jitter + 1))
+            over = begun + responding
+            cycle.set_load(at, load, now)
+            taken = cycle.next_end(over + closing, now)
+            cycle.set_load(taken, 0, now)
+            turns.append(Turn(index, at, begun, taken, polls.ended(taken, None)[1]))
+            poll = polls.take(taken)
+            while poll is None and (due := polls.next_due()) is not None:
+                end = cycle.next_end(max(due, taken + 1), now)
+                if end >= until:
+                    break
+                taken, poll = end, polls.take(end)
+            if poll is not None:
+                at = cycle.next_end(max(taken + 1, over + closing + self.engine.config.interval), now)
+                if at < over + quiet:
+                    break
+        if turns:
+            self._owner = self._call = None
+            for bit in (RUNNING, COMMUNICATION_ERROR, TIMED_OUT):
+                self._status.set_bit(bit, 0)
+            if poll is not None:
+                self._execute_poll(poll, taken)
+        return turns
+
+    def store(self, poll: PollSpec, values: Sequence[int]) -> None:
+        """What a poll has read goes into memory."""
+        if poll.device is not None:
+            store(self._status.memory, poll.device, poll.function, values)
+
     # -- instructions ------------------------------------------------------------------------------
 
     def drive(self, instruction: Hashable, operands: Rs2, now: int) -> Drive:
@@ -115,8 +209,7 @@ class MasterSide(Side):
         device, values = poll.device, poll.values
         if device is not None and poll.function in WRITES and fits(device, poll.function, len(values)):
             store(self._status.memory, device, poll.function, values)
-        call = Call(poll.station, poll.function, poll.address, poll.count, device, values)
-        self._execute(call, now + 1)
+        self._execute(_call(poll), now + 1)
 
     # -- END ---------------------------------------------------------------------------------------
 
@@ -202,6 +295,10 @@ class MasterSide(Side):
                     assert_never(item)
         self._owner = None
         return again
+
+
+def _call(poll: PollSpec) -> Call:
+    return Call(poll.station, poll.function, poll.address, poll.count, poll.device, poll.values)
 
 
 def _unsent(call: Call, error: PortError, end: int) -> TransactionEnded:

@@ -12,7 +12,7 @@ from bussim.engines.modbus.slave import Slave, SlaveConfig
 from bussim.plc.errors import SerialErrors
 from bussim.plc.memory import BIT_RANGES, Device, Memory
 from bussim.plc.ports.cpavl import BITS, WORDS, BadSettings, PortSettings, read_settings
-from bussim.plc.ports.device_layout import words_fit
+from bussim.plc.ports.device_layout import taken, words_fit
 from bussim.plc.ports.events import PortEvent
 from bussim.plc.ports.free import FreeSide
 from bussim.plc.ports.free_list import listener_of
@@ -159,6 +159,23 @@ class PortRegisters:
         return engine is not None and not (
             type(engine) is Master and all(poll.function in READS for poll in self._polls)
         )
+
+    @property
+    def writes(self) -> set[Device] | None:
+        """The devices that it may write; None where that is not known."""
+        if self.engine is None:
+            return set()
+        if self.reads_devices:
+            return None
+        letter, first = self._devices[1]
+        bits = {Device(letter, first + number) for number in range(BITS)}
+        read = [taken(poll.device, poll.function, poll.count) for poll in self._polls if poll.device]
+        return bits.union(*read)
+
+    @property
+    def polling(self) -> MasterSide | None:
+        """What its poll list does, if it is a master whose polls only read."""
+        return self._side if isinstance(self._side, MasterSide) and not self.reads_devices else None
 
     @property
     def shows_memory(self) -> bool:

@@ -4,6 +4,7 @@ Memory does not grow with a run: counts, and histograms of times. Times are tick
 """
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import assert_never
 
@@ -11,7 +12,15 @@ from bussim.results.meters.exchanges import Exchange
 from bussim.results.meters.failures import Irregular
 from bussim.results.meters.histogram import Histogram
 from bussim.results.meters.plain_data import UNKEPT
-from bussim.trace.records import CycleRecord, FreeRecord, Outcome, PollRecord, RunTotals, TransactionRecord
+from bussim.trace.records import (
+    CycleRecord,
+    FreeRecord,
+    OrdinaryTurns,
+    Outcome,
+    PollRecord,
+    RunTotals,
+    TransactionRecord,
+)
 
 #: The yy of D8063 = 7xyy that have a count of their own (PW10 board manual, section 8).
 NO_RESPONSE = 9
@@ -80,6 +89,27 @@ class Poll:
         self.turns += 1
         self.failed_turns += record.error is not None
         self.late.add(record.late)
+
+    def ordinary_turns(self, turns: OrdinaryTurns) -> None:
+        """Count turns of a read with one good attempt each."""
+        first, number = turns.first, len(turns.sent)
+        served = (first.served or 0) - (first.sent or 0)
+        took = (response_time(first) or 0) + (first.sent or 0) - (first.answer_start or 0)
+        self.transactions += number
+        self.ok += number
+        self.own += number
+        self.turns += number
+        self.reads = True
+        self.late.add_all(turns.late)
+        self.responses.add_all(
+            [begun - sent + took for sent, begun in zip(turns.sent, turns.begun, strict=True)]
+        )
+        self.on_arrival.add_all([end - at - served for at, end in zip(turns.sent, turns.taken, strict=True)])
+        before = [] if self.last_served is None else [self.last_served]
+        before += [sent + served for sent in turns.sent]
+        ends = turns.taken[1:] if self.last_served is None else turns.taken
+        self.before_refresh.add_all([end - at for at, end in zip(before, ends, strict=False)])
+        self.last_served = before[-1]
 
     def _arrived(self, served: int, taken: int) -> None:
         if self.last_served is not None:
@@ -192,6 +222,17 @@ class PortMeter:
                 self._node(record.node, record.bus).free.add(record)
             case _:
                 assert_never(record)
+
+    def ordinary_turns(self, turns: Sequence[OrdinaryTurns], cycles: Sequence[CycleRecord]) -> None:
+        """Count turns of a master without errors, and cycles of its list."""
+        for each in turns:
+            first = each.first
+            node = self._node(first.master, first.bus)
+            node.poll(first.poll).ordinary_turns(each)
+            self.exchanged(first.bus, first.master, each.peer, each.sent[0], Outcome.GOOD)
+            node.exchanges[each.peer].counts[Outcome.GOOD] += len(each.sent) - 1
+        for cycle in cycles:
+            self.take(cycle)
 
     def exchanged(self, bus: str, node: str, peer: str, start: int, outcome: Outcome) -> None:
         """Count what became of a message or request."""

@@ -214,7 +214,7 @@ class BlockPath:
         asked = sorted(
             (start, station)
             for station, (sender, starts, wanted) in enumerate(zip(senders, begun, kept, strict=True))
-            for start in (wanted if not sender.plc.port_registers else starts.tolist())
+            for start in (wanted if sender.plc.ports_apart else starts.tolist())
             if bus.parts
         )
         for start, station in asked:

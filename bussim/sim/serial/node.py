@@ -45,7 +45,7 @@ class SerialNode(SerialStation):
         self.bus = bus
         self.reporter = reporter
         self.replies = bus.replies
-        self._delays = delays if jitter else None
+        self.delays = delays if jitter else None
         self.longest_delay = jitter
         self._silence_timer = kernel.timer(self._on_silence, HEARING)
         self._received_until = 0
@@ -145,7 +145,7 @@ class SerialNode(SerialStation):
     def reply_at(self, at: int) -> int:
         """When a reply begins that its engine has ready at a tick: one draw for each reply."""
         at += self.extra_turnaround
-        return at if self._delays is None else at + int(next(self._delays) * (self.longest_delay + 1))
+        return at if self.delays is None else at + int(next(self.delays) * (self.longest_delay + 1))
 
     def _on_start(self, now: int) -> None:
         engine = self.engine

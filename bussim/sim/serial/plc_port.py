@@ -33,6 +33,7 @@ from bussim.sim.serial.bus import SerialBus
 from bussim.sim.serial.contract import SerialEvent
 from bussim.sim.serial.node import SerialNode
 from bussim.sim.serial.reporter import SerialReporter
+from bussim.sim.serial.turn_path import TurnPath
 from bussim.sim.wire.contract import LineNode
 
 
@@ -120,6 +121,7 @@ class EndClock:
     def __init__(self, plc: Plc, kernel: Kernel, ports: Iterable[PlcPort], number: int) -> None:
         self._plc = plc
         self._ports = {port.port_registers.spec.name: port for port in ports}
+        self._turn_path = TurnPath(plc, tuple(self._ports.values()), kernel)
         # Those of one tick come in the order of PLCs, whether some were left out before or not.
         priority = EventPriority(END + number) if plc.every_end else END
         self.timer = kernel.timer(self._on_end, priority)
@@ -140,6 +142,9 @@ class EndClock:
         self.timer.cancel()
 
     def _on_end(self, now: int) -> None:
+        if self._turn_path.pass_turns(now):
+            self.schedule_end(now)
+            return
         hints = self._plc.end(now)
         for name, port in self._ports.items():
             if hints[name]:

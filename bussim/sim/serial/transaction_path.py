@@ -23,10 +23,11 @@ if TYPE_CHECKING:
     from bussim.sim.serial.node import SerialNode
 
 
-class _Exchange(NamedTuple):
+class Exchange(NamedTuple):
     """The slave that responds to a station's requests of a master, and the others that receive both frames.
 
-    Times in ticks: the silences behind request and response, and the longest one from the request's end on.
+    Times in ticks: the silences behind request and response, the longest one from the request's end on, and
+    the longest that the others wait for.
     """
 
     slave: SerialNode
@@ -34,6 +35,12 @@ class _Exchange(NamedTuple):
     served: int
     closing: int
     longest: int
+    quiet: int
+
+    def ready_for(self, start: int) -> bool:
+        """Whether all slaves have heard silence before a request that begins at ``start``."""
+        engines = (self.slave.engine, *self.others)
+        return not self.slave.pending and all(engine.ready_for(start) for engine in engines)
 
 
 class TransactionPath:
@@ -42,34 +49,48 @@ class TransactionPath:
     def __init__(self, bus: SerialBus) -> None:
         self._bus = bus
         #: By the master's position and the station that is asked, until listeners change; None: not at once.
-        self.exchanges: dict[tuple[int, int], _Exchange | None] = {}
+        self.exchanges: dict[tuple[int, int], Exchange | None] = {}
+
+    def exchange(self, node: SerialNode, station: int) -> Exchange | None:
+        """How a master's transactions with a station go, None where they do not go at once."""
+        bus, key = self._bus, (node.position, station)
+        if not bus.at_once or bus.sink.traced or not bus.undisturbed:
+            return None
+        if key not in self.exchanges:
+            self.exchanges[key] = self._exchange(node, station)
+        return self.exchanges[key]
 
     def pass_transaction(self, node: SerialNode, request: Adu, now: int, kernel: Kernel) -> bool:
         """Do the transaction whose request leaves now, up to its outcome; False: nothing was done."""
-        bus, key = self._bus, (node.position, request.station)
-        if not bus.at_once or bus.sink.traced or not bus.undisturbed:
-            return False
-        if key not in self.exchanges:
-            self.exchanges[key] = self._exchange(node, request.station)
-        exchange = self.exchanges[key]
+        exchange = self.exchange(node, request.station)
         if exchange is None:
             return False
-        slave, others, served, closing, longest = exchange
-        master, responding = node.engine, slave.engine
-        asked = now + len(request.chars) * bus.character
-        latest = asked + longest + master.longest_response * bus.character + closing
-        if (
-            latest >= min(kernel.calm_until(now), asked + master.config.timeout)
-            or slave.pending
-            or not responding.ready_for(now)
-            or not all(other.ready_for(now) for other in others)
+        master, character = node.engine, self._bus.character
+        asked = now + len(request.chars) * character
+        latest = asked + exchange.longest + master.longest_response * character + exchange.closing
+        if latest >= min(kernel.calm_until(now), asked + master.config.timeout) or not exchange.ready_for(
+            now
         ):
             return False
-        master.transmit_done(asked)
+        response, begun, end = self.pass_frames(exchange, node, request, now)
+        node.await_outcome(response, begun, end, end + exchange.closing)
+        return True
+
+    def pass_frames(
+        self, exchange: Exchange, node: SerialNode, request: Adu, now: int, begun: int | None = None
+    ) -> tuple[Adu, int, int]:
+        """What becomes of request and response at all nodes; returns the response and its two ends.
+
+        ``begun`` is when it begins, None where that is still to be drawn.
+        """
+        bus, (slave, others, served, *_) = self._bus, exchange
+        responding = slave.engine
+        asked = now + len(request.chars) * bus.character
+        node.engine.transmit_done(asked)
         responding.receive_complete(request, now, asked, asked + served)
         while not isinstance(item := responding.poll(), Transmit):
             slave.report(item, asked + served)
-        begun = slave.reply_at(item.at)
+        begun = slave.reply_at(item.at) if begun is None else begun
         response = responding.begin_transmit(begun, item.counter)
         end = begun + len(response.chars) * bus.character
         slave.replied(item.counter, begun, end, len(response.chars))
@@ -80,11 +101,9 @@ class TransactionPath:
         bus.delivered.append(Transmission(slave, response, response.chars, begun, end, slave.timing))
         bus.frames += 2
         bus.busy += asked - now + end - begun
-        node.await_outcome(response, begun, end, end + closing)
-        return True
+        return response, begun, end
 
-    def _exchange(self, node: SerialNode, station: int) -> _Exchange | None:
-        """How a master's transactions with a station go, None where they do not go at once."""
+    def _exchange(self, node: SerialNode, station: int) -> Exchange | None:
         bus = self._bus
         whole, single = bus.listeners_of(node)
         slaves = [cast("SerialNode", port) for port, _ in whole]
@@ -104,7 +123,8 @@ class TransactionPath:
         if config.driven or bus.listeners_of(slave)[1] or any(_silence(each) > least for each in others):
             return None
         engines = [each.engine for each in others]
-        return _Exchange(slave, engines, served, _silence(node), least + slave.longest_delay)
+        quiet = max(map(_silence, others), default=0)
+        return Exchange(slave, engines, served, _silence(node), least + slave.longest_delay, quiet)
 
 
 def _silence(node: SerialNode) -> int:

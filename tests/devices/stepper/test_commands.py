@@ -41,7 +41,7 @@ def test_a_run_of_200_units_ends_where_and_when_the_kinematics_say() -> None:
     assert command(device, "run_once", now) == 0
     pulses = 64_000
     end = now + round(seconds_for(pulses) * S)
-    assert next_change(device) == end
+    assert next_change(device) == device.alike_until(now) == end
     assert (device.value("running", now), device.value("arrived", now)) == (1, 0)
     assert device.value("running", end - 1) == 1
     assert position(device, end - 1) < 20000 or device.value("arrived", end - 1) == 0

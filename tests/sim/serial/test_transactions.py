@@ -14,6 +14,7 @@ from bussim.line.characters import CharFormat, LineTiming
 from bussim.scenario import fault_kinds, model
 from bussim.scenario.loader import loads
 from bussim.sim.serial.transaction_path import TransactionPath
+from bussim.sim.serial.turn_path import TurnPath
 from tests.benchmarks.speed_scenarios import scenario as speed
 from tests.exact.polls.test_polling import random_bus
 from tests.selection import quick
@@ -142,6 +143,7 @@ def test_most_transactions_are_done_at_once(monkeypatch: pytest.MonkeyPatch) -> 
         return passed[-1]
 
     monkeypatch.setattr(TransactionPath, "pass_transaction", counted)
+    monkeypatch.setattr(TurnPath, "pass_turns", lambda *_: False)
     run(replace(speed("four ports"), duration=5 * SECOND), traced=False)
     run(loads(REPORTING + HMI.format("fast", JOG)), traced=False)
     assert passed.count(True) > 0.98 * len(passed) > 100
