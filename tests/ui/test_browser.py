@@ -115,6 +115,9 @@ def test_the_recommended_setting_is_used_and_copied(seen: Seen, tmp_path: Path) 
         "Browser.grantPermissions", {"permissions": ["clipboardReadWrite", "clipboardSanitizedWrite"]}
     )
     assert "misses: false station errors" in seen.text("#verdict")
+    for part in ("verdict", "tiles", "program", "copy"):  # without scrolling
+        bottom = "return document.getElementById(arguments[0]).getBoundingClientRect().bottom - innerHeight"
+        assert seen.js(bottom, part) <= 0
     seen.click("#use")
     seen.settle()
     assert "D8179 = 4, D8180 = 5 meets all goals" in seen.text("#verdict")

@@ -99,7 +99,17 @@ def test_mistakes_are_jumped_to_mended_and_saved_and_only_they_differ(seen: Seen
     seen.js(
         "const y = document.getElementById('yaml'); y.value = y.value.replace('retrise', 'retries').replace('ber: 2.0}', 'ber: 2.0e-5}')"
     )
+    locked = "const e = document.getElementById('controls'); return [e.inert, getComputedStyle(e).visibility]"
+    assert seen.js(locked) == [True, "hidden"]  # it never was a line
     seen.click("#apply")
+    seen.settle()
+    assert seen.js(locked) == [False, "visible"]
+    right = seen.one("#yaml").get_attribute("value")
+    seen.put("#yaml", right.replace("timeout: 50 ms", "timeout: 50 mz"))
+    seen.click("#apply")
+    seen.until(lambda: seen.js(locked) == [True, "visible"])  # with what the last line was
+    seen.click("#undo")
+    seen.until(lambda: seen.js(locked) == [False, "visible"])
     seen.settle()
     seen.put("#timeout", "7")
     seen.settle()

@@ -128,12 +128,15 @@
   };
   const problems = (error) => {
     const all = error?.values?.problems ?? (error ? [{ field: error.values?.field?.split(".").pop() ?? "", message: said(error) }] : []);
-    if (!checked) get("controls").toggleAttribute("inert", true); // a text that is no line has no fields yet
     for (const each of all) if (!each.line || each.field in line.form) { // a number box that is out of its range
       const box = get(`${each.field}-box`);
       if (box && !box.validity.valid) Object.assign(each, { line: 0, message: word("range", { field: word(each.field), least: box.min, most: box.max }) });
     }
     const found = all.filter((each, place) => each.line || all.findIndex(({ message }) => message === each.message) === place);
+    // What is wrong in the text is mended there: until then its fields stay as they are.
+    const isKnown = checked?.stations !== undefined;
+    get("controls").dataset.known = String(isKnown);
+    get("controls").toggleAttribute("inert", !isKnown || found.some((each) => each.line && !(each.field in line.form)));
     for (const each of document.querySelectorAll("[data-field]")) {
       const here = found.filter(({ field }) => field === each.dataset.field), text = get(`${each.dataset.field}-bad`);
       for (const input of each.querySelectorAll("input, select")) input.setAttribute("aria-invalid", String(here.length > 0));
@@ -190,7 +193,6 @@
     get("undo").disabled = !past.length;
     if (!checked) return;
     const linked = checked.stations !== undefined;
-    get("controls").toggleAttribute("inert", !linked);
     put(get("name"), value("name"));
     document.title = `${value("name")} – bussim`;
     get("bus").parentElement.hidden = checked.links.length < 2;
