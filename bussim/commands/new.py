@@ -1,42 +1,12 @@
 """``bussim new``: a commented scenario of one N:N link, to begin with."""
 
 import re
+from importlib.resources import files
 
 import click
 
 from bussim.commands.common.output import print_or_write
 from bussim.commands.size.uniform_link import DEFAULT_PROFILE, DEFAULT_SCAN, uniform_link
-
-_TEXT = """\
-# {stations} PLCs on one N:N link. `bussim check FILE` names mistakes, `bussim guide scenario` all keys.
-schema: 1
-name: {stations} stations, mode {mode}
-duration: 60 s              # what `bussim run` simulates
-seed: 1                     # of the random numbers: the same seed gives the same run
-
-buses:
-  - {{name: link, nn: true}}  # 38400 7E1, fixed by the protocol
-
-plcs:                       # in the order in which the cable visits them
-  - name: master
-    profile: {profile}           # which PLC: {profiles}
-    scan: {scan}             # its PLC scan time; where it varies: {{mean: {scan}, jitter: 1 ms}}
-    nn:
-      bus: link
-      port: {port}          # M8179
-      station: 0            # D8176: 0 is the master
-      slaves: {slaves}             # D8177
-      mode: {mode}               # D8178: {bits} bits and {words} words of each station
-      retries: {retries}            # D8179, 0 to {most}: `bussim size FILE` recommends it
-      timeout: {timeout}        # D8180, in steps of 10 ms: this too
-{rest}
-# What disturbs the line. If you do not know it, leave it out: `size` then assumes three levels of noise.
-{mark}noise:
-{mark}  - {{bus: link, ber: {ber}}} # chance that a bit is inverted
-# What is to go wrong, and when.
-# faults:
-#   - {{at: 20 s, for: 5 s, power_off: slave1}}
-"""
 
 
 @click.command()
@@ -88,21 +58,26 @@ def new_scenario(
         f"nn: {{bus: link, port: {port}, station: {number}}}}}\n"
         for number, plc in enumerate(link.plcs[1:], 1)
     )
-    text = _TEXT.format(
-        stations=stations,
-        slaves=stations - 1,
-        mode=mode,
-        bits=MODES[mode].bits,
-        words=MODES[mode].words,
-        scan=format_time(master.scan.mean),
-        profile=profile,
-        profiles=", ".join(PROFILES),
-        retries=master.registers["D8179"],
-        most=MAX_RETRIES,
-        timeout=f"{10 * master.registers['D8180']} ms",
-        rest=rest,
-        mark="" if ber else "# ",
-        ber=repr(ber) if ber else "1.0e-6",
-        port=port,
+    text = (
+        files("bussim.commands")
+        .joinpath("new.yaml")
+        .read_text(encoding="utf-8")
+        .format(
+            stations=stations,
+            slaves=stations - 1,
+            mode=mode,
+            bits=MODES[mode].bits,
+            words=MODES[mode].words,
+            scan=format_time(master.scan.mean),
+            profile=profile,
+            profiles=", ".join(PROFILES),
+            retries=master.registers["D8179"],
+            most=MAX_RETRIES,
+            timeout=f"{10 * master.registers['D8180']} ms",
+            rest=rest,
+            mark="" if ber else "# ",
+            ber=repr(ber) if ber else "1.0e-6",
+            port=port,
+        )
     )
     return re.sub(r"(?m)^([^#\n]+?) +(?=# )", lambda found: f"{found[1]:<27} ", text)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from bussim.report.latency import compared
-from bussim.report.nodes import node_metrics
+from bussim.report.nodes import node_metrics, value_at
 from bussim.report.runs import Source
 from bussim.report.tables import CODE, NONE, SETTINGS, TIMES, Cell, Table, number, pointer
 from bussim.results.verdict.catalogue import sentence
@@ -36,13 +36,13 @@ _SUMS: tuple[tuple[str, Callable[[Mapping[str, Any]], int | None]], ...] = (
     (say("compare_errors"), lambda link: sum(link["station_errors"].values())),
     (say("compare_onsets"), _onsets),
 )
-_EXACT: tuple[tuple[str, Callable[[Mapping[str, Any]], Any]], ...] = (
-    (say("compare_exact_mean"), lambda figures: figures["mean_ms"]),
-    (say("compare_exact_worst"), lambda figures: figures["worst_case_ms"]),
-    (say("compare_exact_dead"), lambda figures: figures["one_dead_ms"]),
-    (say("compare_exact_detect"), lambda figures: figures["detect_ms"]["max"]),
-    (say("compare_exact_onsets"), lambda figures: figures["false_error_onsets_per_year"]),
-)
+_EXACT = {
+    say("compare_exact_mean"): ("mean_ms",),
+    say("compare_exact_worst"): ("worst_case_ms",),
+    say("compare_exact_dead"): ("one_dead_ms",),
+    say("compare_exact_detect"): ("detect_ms", "max"),
+    say("compare_exact_onsets"): ("false_error_onsets_per_year",),
+}
 
 
 def head_table(sources: Sequence[Source]) -> Table:
@@ -73,8 +73,9 @@ def link_table(sources: Sequence[Source], bus: str) -> Table:
     links = [source.summary["links"].get(bus) for source in sources]
     for label, count in _SUMS:
         rows.append((label, _marked([None if link is None else count(link) for link in links])))
-    for label, get in _EXACT:
-        cells = _marked([_exact(source, bus, get) for source in sources])
+    laws = [source.valid_distribution(bus) for source in sources]
+    for label, keys in _EXACT.items():
+        cells = _marked([None if law is None else value_at(law.figures, keys, None) for law in laws])
         if any(cell.text != NONE for cell in cells):
             rows.append((label, cells))
     return Table(say("table_link", bus=bus), ["", *(source.label for source in sources)], rows)
@@ -128,15 +129,8 @@ def scenario_changes(sources: Sequence[Source]) -> list[tuple[str, list[str]]]:
 def _row(
     sources: Sequence[Source], keys: Sequence[str], decimals: int | None = None, *, change: bool = True
 ) -> list[Cell]:
-    return _marked([_value(source.summary, keys) for source in sources], keys, decimals, change=change)
-
-
-def _value(data: Any, keys: Sequence[str]) -> Any:
-    for key in keys:
-        if not isinstance(data, Mapping) or key not in data:
-            return None
-        data = data[key]
-    return data
+    values = [value_at(source.summary, keys, None) for source in sources]
+    return _marked(values, keys, decimals, change=change)
 
 
 def _marked(
@@ -169,8 +163,3 @@ def _change(first: Any, value: Any) -> str | None:
         return f"× {value / first:,.3g}"
     percent = f"{100 * (value - first) / first:+,.1f}"
     return "" if percent in ("+0.0", "-0.0") else f"{percent} %"
-
-
-def _exact(source: Source, bus: str, get: Callable[[Mapping[str, Any]], Any]) -> Any:
-    distribution = source.valid_distribution(bus)
-    return None if distribution is None else get(distribution.figures)

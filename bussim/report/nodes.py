@@ -1,17 +1,18 @@
 """Tables and histograms of what is beside the N:N links: buses, ports of PLCs, and devices."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from bussim.report import charts, tables
 from bussim.report.parts import Chart, Charts
 from bussim.report.runs import Source
-from bussim.report.tables import CODE, Cell, Table, number, pointer
+from bussim.report.tables import Cell, Table, number, pointer
 from bussim.words.formats import meaning_of
 from bussim.words.language import say
-from bussim.words.tables import Said
+from bussim.words.tables import Said, read_table
 
 _SECTIONS = ("ports", "devices")
+_MISSING = object()
 
 
 class Metric(NamedTuple):
@@ -25,75 +26,24 @@ class Metric(NamedTuple):
     decimals: int | None = None
 
 
-_TIMES = tuple((key, tables.TIMES[key]) for key in ("p50", "p99", "max"))
-#: What a node is: the key that shows it, what its table is called, and its figures. A key whose entries are
-#: counts by name or code stands for a row of each.
-_ROLES: tuple[tuple[str, str, tuple[Metric, ...]], ...] = (
-    (
-        "transactions",
-        say("node_masters"),
-        (
-            Metric(say("node_requests"), ("transactions",)),
-            Metric(say("node_ok"), ("ok",)),
-            Metric(say("node_own"), ("answered_with_own_data",)),
-            Metric(say("node_mistaken"), ("mismatched_responses",)),
-            Metric(say("node_late"), ("late_responses",)),
-            Metric(say("node_timeouts"), ("timeouts",)),
-            Metric(say("node_crc"), ("crc_errors",)),
-            Metric("node_name", ("other_errors",)),
-            Metric("node_exception", ("exceptions",)),
-            Metric("node_port_error", ("errors",)),
-            Metric(say("table_timeout_ms"), ("timeout_ms",)),
-            *(Metric(say("node_response", label=label), ("response_ms", key), 3) for key, label in _TIMES),
-            *(Metric(say("node_cycle", label=label), ("cycle_ms", key), 3) for key, label in _TIMES),
-        ),
-    ),
-    (
-        "requests",
-        say("node_slaves"),
-        (
-            Metric(say("table_station"), ("station",)),
-            Metric(say("node_requests"), ("requests",)),
-            Metric(say("node_answered"), ("answered",)),
-            Metric(say("node_broadcasts"), ("broadcasts",)),
-            Metric("node_exception", ("exceptions",)),
-            Metric("node_ignored", ("rejected",)),
-            Metric("node_port_error", ("errors",)),
-        ),
-    ),
-    (
-        "sent",
-        say("node_free"),
-        (
-            Metric(say("node_sent"), ("sent",)),
-            Metric(say("node_received"), ("received",)),
-            Metric(say("node_ended"), ("timeouts",)),
-            Metric(say("node_damaged"), ("damaged",)),
-            Metric("node_others", ("messages",)),
-            Metric(say("node_bytes_sent"), ("bytes", "sent")),
-            Metric(say("node_bytes_received"), ("bytes", "received")),
-            Metric("node_port_error", ("errors",)),
-        ),
-    ),
-    ("state", say("node_devices"), (Metric("node_state", ("state",)),)),
-)
-_BUS = (
-    Metric(say("node_baud"), ("baud",), CODE),
-    Metric(say("node_format"), ("format",)),
-    Metric(say("node_load"), ("bus_load",), 4),
-    Metric(say("node_frames"), ("frames",)),
-    Metric(say("table_collisions"), ("collisions",)),
-    Metric(say("table_undetected_frames"), ("undetected_frames",)),
-)
-_POLL = (
-    Metric(say("node_attempts"), ("transactions",)),
-    Metric(say("node_good"), ("ok",)),
-    Metric(say("node_turns"), ("turns",)),
-    Metric(say("node_failed_turns"), ("failed_turns",)),
-    *(Metric(say("node_poll_response", label=label), ("response_ms", key), 3) for key, label in _TIMES),
-    Metric(say("node_oldest"), ("age_ms", "oldest"), 3),
-    Metric(say("node_age_end"), ("age_ms", "open"), 3),
-)
+def _metrics(rows: Iterable[Sequence[Any]]) -> tuple[Metric, ...]:
+    """The figures of the table's rows."""
+    found: list[Metric] = []
+    for label, path, *decimals in rows:
+        *keys, last = path.split(".")
+        if last == "*":
+            found.append(Metric(label, tuple(keys)))
+        elif last == "each":
+            names = {name: say(label, label=tables.TIMES[name]) for name in ("p50", "p99", "max")}
+            found += [Metric(said, (*keys, name), *decimals) for name, said in names.items()]
+        else:
+            found.append(Metric(say(label), (*keys, last), *decimals))
+    return tuple(found)
+
+
+_TABLE = read_table("bussim.report", "nodes.yaml")
+_ROLES = [(key, say(role["caption"]), _metrics(role["figures"])) for key, role in _TABLE["roles"].items()]
+_BUS, _POLL = _metrics(_TABLE["bus"]), _metrics(_TABLE["poll"])
 
 
 def node_tables(summary: Mapping[str, Any]) -> list[Table]:
@@ -172,14 +122,11 @@ def _spread(metrics: Iterable[Metric], entries: Iterable[Mapping[str, Any]]) -> 
             yield Metric(say(metric.label, name=name, **words), (*metric.keys, name), metric.decimals)
 
 
-_MISSING = object()
-
-
-def value_at(data: Any, keys: Iterable[str]) -> Any:
-    """The value that keys lead to; a value of its own where there is none."""
+def value_at(data: Any, keys: Iterable[str], missing: Any = _MISSING) -> Any:
+    """The value that keys lead to; ``missing`` where there is none."""
     for key in keys:
         if not isinstance(data, Mapping) or key not in data:
-            return _MISSING
+            return missing
         data = data[key]
     return data
 

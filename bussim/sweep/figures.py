@@ -4,6 +4,8 @@ import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
+from bussim.words.tables import read_table
+
 Number = int | float
 
 _OF_SCAN_TIMES = ("mean", "min", "p50", "p95", "p99", "p999", "max")
@@ -51,34 +53,7 @@ def rare_count_of(name: str) -> str | None:
 
 
 #: What tables and pictures show of each kind of subject: figures and their titles.
-SHOWN: Mapping[str, Mapping[str, str]] = {
-    "link": {
-        "scan_time_mean_ms": "mean link scan time (ms)",
-        "scan_time_max_ms": "longest link scan of a run (ms)",
-        "station_errors": "station errors (link scans) in a run",
-        "station_error_onsets": "onsets of station errors in a run",
-        "refresh_gap_max_ms": "longest refresh gap of a run (ms)",
-    },
-    "Modbus master": {
-        "response_ms.mean": "mean response time (ms)",
-        "response_ms.max": "longest response of a run (ms)",
-        "timeouts": "timeouts in a run",
-        "cycle_ms.mean": "mean poll cycle (ms)",
-    },
-    "latency": {
-        "ms.p50": "median latency (ms)",
-        "ms.p95": "p95 of the latency (ms)",
-        "ms.p99": "p99 of the latency (ms)",
-        "ms.max": "longest latency of a run (ms)",
-        "lost_share": "share of changes that never arrived",
-    },
-    "data age": {
-        "ms.p50": "median age (ms)",
-        "ms.p95": "p95 of the age (ms)",
-        "ms.p99": "p99 of the age (ms)",
-        "ms.max": "greatest age of a run (ms)",
-    },
-}
+SHOWN: Mapping[str, Mapping[str, str]] = read_table("bussim.sweep", "shown.yaml")
 
 
 def kinds_in(names: Collection[str], buses: Iterable[str]) -> dict[str, str]:

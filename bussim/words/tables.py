@@ -34,15 +34,20 @@ class Said(str):
         return str(self), self.key, self.values
 
 
+def read_table(package: str, name: str) -> Any:
+    """A table of YAML that stands beside the modules of a package, as plain data."""
+    import yaml
+
+    text = files(package).joinpath(name).read_text(encoding="utf-8")
+    return yaml.load(text, yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader)  # noqa: S506 (safe)
+
+
 @cache
 def entries() -> Mapping[str, list[str]]:
     """Every key with its texts in the order of :data:`LANGUAGES`, and then perhaps a mark."""
-    import yaml
-
     found: dict[str, list[str]] = {}
     for name in (*TABLES, *PAGES):
-        text = files(__package__).joinpath(f"{name}.yaml").read_text(encoding="utf-8")
-        table = yaml.load(text, yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader)  # noqa: S506 (safe)
+        table = read_table("bussim.words", f"{name}.yaml")
         if name in PAGES:
             table = {f"{name}.{key}": texts for key, texts in table.items()}
         if twice := found.keys() & table.keys():

@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import wraps
+from importlib.resources import files
 from pathlib import Path
 from typing import Any, ParamSpec
 
@@ -72,29 +73,9 @@ _DPI = 150
 #: Inches of a column of a legend beside its labels.
 _SWATCH = 0.6
 _SOFTWARE = f"bussim {__version__}"
-# Any, since the type of matplotlib's setting names differs between its versions.
 _SETTINGS: Any = {
-    "axes.axisbelow": True,
-    "axes.edgecolor": GREY,
-    "axes.formatter.useoffset": False,
-    "axes.grid": True,
-    "axes.labelsize": 10,
-    "axes.spines.right": False,
-    "axes.spines.top": False,
-    "axes.titlelocation": "left",
-    "axes.titlesize": 11,
-    "figure.dpi": 100,
+    **mpl.rc_params_from_file(str(files(__package__) / "pictures.mplstyle"), use_default_template=False),
     "font.family": [FONT],
-    "font.size": 9,
-    "grid.color": "#dddddd",
-    "grid.linewidth": 0.6,
-    "legend.fontsize": 9,
-    "legend.frameon": False,
-    "svg.hashsalt": "bussim",
-    "xtick.color": GREY,
-    "xtick.labelcolor": "black",
-    "ytick.color": GREY,
-    "ytick.labelcolor": "black",
 }
 
 
