@@ -73,31 +73,22 @@ __all__ = [
     "timeline",
 ]
 
+#: Where the names come from.
 _HOMES = {
-    "bussim.api": (
-        "Result",
-        "examine",
-        "load",
-        "loads",
-        "open_run",
-        "plot_scan_times",
-        "profiles",
-        "run",
-        "timeline",
-    ),
-    "bussim.cli": ("main",),
-    "bussim.commands.fit.recording": ("fit",),
-    "bussim.commands.report": ("report",),
-    "bussim.errors": ("BussimError", "Problem", "RunError", "ScenarioError", "UsageError"),
-    "bussim.exact.sizing.sized": ("Sized", "size"),
-    "bussim.exact.solution": ("Exact", "exact"),
-    "bussim.scenario.loader": ("Examined",),
-    "bussim.scenario.model": ("Scenario",),
-    "bussim.scenario.yaml.edit": ("edit",),
-    "bussim.site.result": ("SiteResult", "site"),
-    "bussim.started": ("StartedRun", "start"),
-    "bussim.sweep.result": ("SweepResult",),
-    "bussim.sweep.run": ("sweep",),
+    "bussim.api": "Result examine load loads open_run plot_scan_times profiles run timeline",
+    "bussim.cli": "main",
+    "bussim.commands.fit.recording": "fit",
+    "bussim.commands.report": "report",
+    "bussim.errors": "BussimError Problem RunError ScenarioError UsageError",
+    "bussim.exact.sizing.sized": "Sized size",
+    "bussim.exact.solution": "Exact exact",
+    "bussim.scenario.loader": "Examined",
+    "bussim.scenario.model": "Scenario",
+    "bussim.scenario.yaml.edit": "edit",
+    "bussim.site.result": "SiteResult site",
+    "bussim.started": "StartedRun start",
+    "bussim.sweep.result": "SweepResult",
+    "bussim.sweep.run": "sweep",
 }
 
 
@@ -136,7 +127,7 @@ sys.modules[__name__].__class__ = _Package
 
 
 def _exported(name: str) -> Any:
-    home = next((module for module, names in _HOMES.items() if name in names), None)
+    home = next((module for module, names in _HOMES.items() if name in names.split()), None)
     if home is None:
         raise AttributeError(f"module 'bussim' has no attribute {name!r}")
     return getattr(import_module(home), name)

@@ -8,9 +8,9 @@ from importlib.resources.abc import Traversable
 import click
 
 from bussim.errors import UsageError
+from bussim.words.tables import LANGUAGES
 
-#: Languages of the pages; the first is complete, the folder of another has some of its topics.
-LANGUAGES = ("en", "zh")
+# Pages in the first language are complete, the folder of another one has some of its topics.
 
 _MOST_COLUMNS = 110
 #: Comments of a page are for those who write it.

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from bussim.cli import main
-from bussim.site.paper import LANGUAGES, form_page
+from bussim.site.paper import form_page
+from bussim.words.tables import LANGUAGES
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

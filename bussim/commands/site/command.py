@@ -6,7 +6,8 @@ import click
 
 from bussim.commands.common.output import checked_target, print_json, print_or_write, write_text
 from bussim.errors import UsageError
-from bussim.site.paper import LANGUAGES, form_page
+from bussim.site.paper import form_page
+from bussim.words.tables import LANGUAGES
 
 
 @click.command()
