@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import contextvars
 import importlib
 import io
 import logging
@@ -77,7 +78,8 @@ class _Commands(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find the command, with the nearest name if there is none."""
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
-            from bussim.wording import shorten, suggest
+            from bussim.wording import shorten
+            from bussim.words.values import suggest
 
             raise click.UsageError(
                 f"no command {shorten(args[0])!r}; {suggest(args[0], list(COMMANDS))}", ctx
@@ -95,11 +97,15 @@ def cli() -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return the exit code.
+    """Run the command line and return the exit code. A language that a command chooses is used for it alone.
 
     Everything that ends a command becomes a line on standard error here: never a traceback for a mistake of
     the user, a place that cannot be written, too little memory, or an end that was asked for.
     """
+    return contextvars.copy_context().run(_main, arguments)
+
+
+def _main(arguments: Sequence[str] | None) -> int:
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         stream = getattr(sys, name)
         if stream is None:  # it is closed: no file of ours may take its number, here or in workers
@@ -124,7 +130,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         error.show()
         return error.exit_code
     except ScenarioError as error:
-        _say("\n".join(str(problem) for problem in error.problems))
+        from bussim.words.language import shown
+
+        _say("\n".join(str(shown(problem)) for problem in error.problems))
         return BAD_INPUT
     except UsageError as error:
         _say(f"Error: {error}")

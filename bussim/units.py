@@ -9,6 +9,8 @@ import re
 from decimal import Decimal
 from fractions import Fraction
 
+from bussim.words.language import say
+
 TICKS_PER_SECOND = 72_000_000
 TICKS_PER_MS = 72_000
 TICKS_PER_US = 72
@@ -59,15 +61,13 @@ def _exact(text: str, likely: str = "ms") -> Fraction:
     if match is None:
         dotted = re.sub(r"(\d),(\d)", r"\1.\2", text.strip())
         example = dotted if _TIME.fullmatch(dotted) else "8 ms"
-        raise ValueError(f"is {text!r}, not a time; write a number and a unit, such as {example}")
+        raise ValueError(say("form_not_a_time", text=text, example=example))
     number, unit = match.group(1), match.group(2).replace("μ", "µ")
     if not unit:
-        raise ValueError(
-            f"is {number}, a time without a unit; write one of {_SHOWN_UNITS}, such as {number} {likely}"
-        )
+        raise ValueError(say("form_no_unit", number=number, units=_SHOWN_UNITS, likely=likely))
     scale = UNIT_TICKS.get(unit)
     if scale is None:
-        raise ValueError(f"has the unit {unit!r}; allowed are {_SHOWN_UNITS}{_meant(unit.lower())}")
+        raise ValueError(say("form_unit", unit=unit, units=_SHOWN_UNITS, meant=_meant(unit.lower())))
     return Fraction(Decimal(number)) * scale
 
 
@@ -75,7 +75,7 @@ def _meant(word: str) -> str:
     """The end of a message about an unknown unit, in small letters: the one that is meant."""
     units = (unit for unit, begins in _WORDS.items() if word.startswith(tuple(begins.split())))
     meant = word if word in UNIT_TICKS else next(units, None)
-    return f"; did you mean {meant}?" if meant else ""
+    return say("form_meant", meant=meant) if meant else ""
 
 
 def format_time(ticks: int) -> str:

@@ -51,30 +51,6 @@ def visible(text: str) -> str:
     )
 
 
-def show(value: object) -> str:
-    """A value as the user wrote it, short: text in quotes, true and false as YAML has them."""
-    if isinstance(value, RawInt | RawFloat):
-        return shorten(value.raw)
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return shorten(repr(value))
-    if isinstance(value, int | float):
-        return shorten(_number(value))
-    if isinstance(value, dict):
-        return "a mapping"
-    if isinstance(value, list | tuple):
-        return "a list"
-    return f"of the type {type(value).__name__}"
-
-
-def _number(value: int | float) -> str:
-    # Python refuses to print a whole number of thousands of digits.
-    if isinstance(value, int) and value.bit_length() > 256:
-        return f"a number of {value.bit_length()} bits"
-    return str(value)
-
-
 #: Characters that are typed or pasted for an ASCII one, beyond those that Unicode calls compatible with it.
 _LOOKALIKES = {
     **dict.fromkeys("“”„‟«»「」『』", '"'),
@@ -92,27 +68,6 @@ def plain_form(char: str) -> str | None:
         return None
     found = _LOOKALIKES.get(char) or unicodedata.normalize("NFKC", char)
     return found if len(found) == 1 and found.isascii() else None
-
-
-def describe(char: str) -> str:
-    """A character with its name in Unicode; one that is not seen by its number."""
-    if char == "\t":
-        return "a tab"
-    shown = f"U+{ord(char):04X}" if char.isspace() else char
-    return f"{shown} ({unicodedata.name(char, 'no name').lower()})"
-
-
-def odd(value: object) -> str:
-    """A hint at the end of a message about a text that has something beside a value, "" if it has not."""
-    if not isinstance(value, str):
-        return ""
-    for char in value:
-        plain = plain_form(char)
-        if plain is not None:
-            return f"; there is {describe(char)}, write {plain if plain.strip() else 'a blank'}"
-    if re.search(r"[^\s]#|//", value):
-        return "; a comment begins with a blank and #"
-    return f"; leave the {value[-1]} at its end out" if value.endswith((",", ";")) else ""
 
 
 def names(options: Iterable[str]) -> str:
@@ -139,14 +94,6 @@ def nearest(name: str, options: Sequence[str], *, cutoff: float = 0.6) -> str | 
         wanted, [option for option in lower if option[:1] == wanted[:1]], n=1, cutoff=cutoff
     )
     return lower[found[0]] if found else None
-
-
-def suggest(name: str, options: Sequence[str]) -> str:
-    """The end of a message about an unknown name: the nearest right one, or all that there are."""
-    near = nearest(name, options)
-    if near is not None:
-        return f"did you mean {near}?"
-    return f"allowed are {names(options)}" if options else "there are none"
 
 
 def shell_word(word: object) -> str:

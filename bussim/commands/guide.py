@@ -42,7 +42,7 @@ def command(topic: str | None, language: str) -> None:
             click.echo(f"{name:{width}}  {heading(page)}")
         return
     if topic not in pages:
-        from bussim.wording import suggest
+        from bussim.words.values import suggest
 
         raise UsageError(f"the guide has no topic {topic!r}; {suggest(topic, list(pages))}")
     if sys.stdout.isatty():

@@ -141,7 +141,8 @@ def command(
 def _watched(scenario: Scenario, devices: str) -> list[Watched]:
     from bussim.plc.memory import parse_device
     from bussim.results.meters.watch import Watched
-    from bussim.wording import shorten, suggest
+    from bussim.wording import shorten
+    from bussim.words.values import suggest
 
     known = {plc.name: plc for plc in scenario.plcs}
     example = next(iter(known))

@@ -17,6 +17,7 @@ from bussim.forms.rtu_gaps import RtuGapsIn
 from bussim.line.characters import LineTiming
 from bussim.plc.ports.spec import PollSpec
 from bussim.units import TICKS_PER_SECOND, format_time
+from bussim.words.language import say
 
 #: Finds a function of the user by ``module:function``. Raises ValueError with a message for the user.
 Find = Callable[[str], Callable[[int], int]]
@@ -124,15 +125,18 @@ class SlaveIn(DeviceIn):
         port = self.port
         if Mode(self.mode) not in port.modes:
             allowed = ", ".join(mode.value for mode in port.modes)
-            report.error((*entry.path, "mode"), f"is {self.mode}, allowed {allowed} ({port.name})")
+            report.error(
+                (*entry.path, "mode"),
+                say("rule_not_among_port", baud=self.mode, allowed=allowed, port=port.name),
+            )
         if self.least_delay < port.delay:
+            least = format_time(self.least_delay)
             report.error(
                 (*entry.path, "delay"),
-                f"is {format_time(self.least_delay)}, but a {port.name} responds no sooner than "
-                f"{format_time(port.delay)}",
+                say("model_no_sooner", found=least, port=port.name, delay=format_time(port.delay)),
             )
         if self.rtu_gaps is not None and Mode(self.mode) is Mode.ASCII:
-            report.warn((*entry.path, "rtu_gaps"), f"{self.name} speaks ASCII: rtu_gaps does nothing")
+            report.warn((*entry.path, "rtu_gaps"), say("model_ascii_gaps", name=self.name))
 
     def fill(self, written: dict[str, Any]) -> None:
         """The model's delay."""
@@ -169,7 +173,7 @@ class MasterIn(DeviceIn):
     def check(self, entry: EntryView, find: Find, report: Reporter) -> None:
         """Warn where it has nothing to send, or a silence that means nothing."""
         if self.silence is not None and Mode(self.mode) is Mode.ASCII:
-            text = f"{self.name} speaks ASCII, whose frames end with LF: silence does nothing, interval does"
+            text = say("model_ascii_silence", name=self.name)
             report.warn((*entry.path, "silence"), text)
         if not self.polls and not entry.lost("polls"):
-            report.warn(entry.path, f"{self.name} has no polls: it sends nothing")
+            report.warn(entry.path, say("model_no_polls", name=self.name))

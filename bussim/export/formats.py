@@ -16,7 +16,7 @@ from bussim.export.vcd import write_vcd
 from bussim.files import written_whole
 from bussim.results.store.tables import CsvTable, ParquetTable
 from bussim.trace.file import Trace
-from bussim.wording import suggest
+from bussim.words.values import suggest
 
 
 class Format(NamedTuple):

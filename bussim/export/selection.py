@@ -15,7 +15,7 @@ from bussim.trace.file import Trace
 from bussim.trace.levels import disputed_of, timing_of
 from bussim.trace.records import FrameRecord
 from bussim.units import format_time, seconds
-from bussim.wording import suggest
+from bussim.words.values import suggest
 
 
 @dataclass(frozen=True, slots=True)

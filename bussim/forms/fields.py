@@ -4,7 +4,7 @@ Every validator raises with a predicate that follows the value's name: "is 12, a
 """
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from decimal import Decimal
 from fractions import Fraction
 from typing import Annotated, Any, NamedTuple, cast
@@ -18,7 +18,9 @@ from bussim.forms.meant import readings, unread
 from bussim.line.characters import BAUDS, CharFormat
 from bussim.plc.memory import Device, DeviceRange, parse_device, parse_range
 from bussim.units import TICKS_PER_SECOND, format_nanoseconds, format_time, parse_nanoseconds, parse_time
-from bussim.wording import RawFloat, RawInt, nearest, show
+from bussim.wording import RawFloat, RawInt, nearest
+from bussim.words.language import say
+from bussim.words.values import show
 
 #: The error type of our own messages.
 OWN = "bussim"
@@ -44,7 +46,7 @@ def fail(predicate: str, at: str | None = None) -> PydanticCustomError:
 
 
 def _found(value: object) -> str:
-    return "is empty" if value is EMPTY else f"is {show(value)}"
+    return say("form_empty") if value is EMPTY else say("form_is", found=show(value))
 
 
 def _is_int(value: object) -> bool:
@@ -61,15 +63,16 @@ def _those(
 ) -> Kind:
     """Values that fit. To another one the message says what is ``wanted``, and a hint: else what is meant.
 
-    ``made`` is what becomes of one.
+    ``made`` is what becomes of one. A text that is wanted, always the same, is given by its key.
     """
 
     def check(value: Any) -> Any:
         if fits(value):
             return made(value)
         meant = (one if isinstance(one, str) else show(one) for one in readings(value) if fits(one))
-        shown = hint(value) or next((f"; did you mean {one}?" for one in meant), "")
-        raise fail(f"{_found(value)}, {wanted if isinstance(wanted, str) else wanted(value)}{shown}")
+        shown = hint(value) or next((say("form_meant", meant=one) for one in meant), "")
+        said = say(wanted) if isinstance(wanted, str) else wanted(value)
+        raise fail(say("form_found", found=_found(value), wanted=said, shown=shown))
 
     return Kind(check, form=form)
 
@@ -86,16 +89,19 @@ def _matching(
 
 
 def _parsed(parse: Callable[[str], object], expected: str, form: Form) -> Kind:
-    """What ``parse`` makes of a text; it raises ValueError with a message for the user."""
+    """What ``parse`` makes of a text; it raises ValueError with a message for the user.
+
+    ``expected`` is the key of what is said of another value.
+    """
 
     def check(value: object) -> object:
         value = unread(value)
         if not isinstance(value, str):
-            raise fail(f"{_found(value)}, expected {expected}")
+            raise fail(say("form_expected", found=_found(value), expected=say(expected)))
         try:
             return parse(value[:100])
         except ValueError as error:
-            raise fail(str(error)) from None
+            raise fail(error.args[0]) from None
 
     return Kind(check, str, form)
 
@@ -104,9 +110,9 @@ def _line(most: int) -> Kind:
     def check(value: object) -> str:
         value = unread(value)
         if not isinstance(value, str) or not value.strip():
-            raise fail(f"{_found(value)}, expected a line of text")
+            raise fail(say("form_line", found=_found(value)))
         if len(value) > most or not value.isprintable():
-            raise fail(f"{_found(value)}, expected one line of at most {most} printable characters")
+            raise fail(say("form_one_line", found=_found(value), most=most))
         return value
 
     return Kind(check, form={**UNREAD_FORM, "pattern": r"\S", "maxLength": most})
@@ -116,13 +122,13 @@ def whole(low: int, high: int) -> Kind:
     """A whole number from ``low`` to ``high``."""
     return _those(
         lambda value: _is_int(value) and low <= value <= high,
-        lambda value: f"{'allowed' if _is_int(value) else 'expected a whole number'} {low}..{high}",
+        lambda value: say("form_range" if _is_int(value) else "form_whole_range", low=low, high=high),
         form={"type": "integer", "minimum": low, "maximum": high},
     )
 
 
 #: A whole number whose bounds depend on something else.
-any_whole = _those(_is_int, "expected a whole number", form={"type": "integer"})
+any_whole = _those(_is_int, "form_whole", form={"type": "integer"})
 
 
 def number(low: float, high: float) -> Kind:
@@ -133,7 +139,9 @@ def number(low: float, high: float) -> Kind:
 
     return _those(
         lambda value: is_number(value) and low <= value <= high,
-        lambda value: f"{'allowed' if is_number(value) else 'expected a number'} {low:g}..{high:g}",
+        lambda value: say(
+            "form_range" if is_number(value) else "form_number_range", low=f"{low:g}", high=f"{high:g}"
+        ),
         form={"type": "number", "minimum": low, "maximum": high},
         made=float,
     )
@@ -147,14 +155,14 @@ def time(low: int = 0, high: int = LONGEST, likely: str = "ms") -> Kind:
         try:
             ticks = parse_time(value, likely)
         except ValueError as error:
-            raise fail(str(error)) from None
+            raise fail(error.args[0]) from None
         if low <= ticks <= high:
             return ticks
         if low <= 1 and high == LONGEST:
-            raise fail(f"is {value.strip()}, allowed {'more than 0' if low else '0'} up to 10 y")
-        least = "more than 0" if low == 1 else format_time(low)
+            raise fail(say("form_up_to", value=value.strip(), least=say("form_more_than_0") if low else "0"))
+        least = say("form_more_than_0") if low == 1 else format_time(low)
         most = "10 y" if high == LONGEST else format_time(high)
-        raise fail(f"is {value.strip()}, allowed {least}..{most}")
+        raise fail(say("form_between", value=value.strip(), least=least, most=most))
 
     return Kind(check, format_time, TIME_FORM)
 
@@ -166,7 +174,7 @@ def _time_text(value: object) -> str:
     elif isinstance(value, int | float) and not isinstance(value, bool):
         value = show(value)
     if not isinstance(value, str):
-        raise fail(f"{_found(value)}, expected a time such as 8 ms")
+        raise fail(say("form_time", found=_found(value)))
     return value[:100]
 
 
@@ -199,9 +207,10 @@ def nanoseconds(low: int, high: int) -> Kind:
         try:
             found = parse_nanoseconds(text)
         except ValueError as error:
-            raise fail(str(error)) from None
+            raise fail(error.args[0]) from None
         if not low <= found <= high:
-            raise fail(f"is {text.strip()}, allowed {format_nanoseconds(low)}..{format_nanoseconds(high)}")
+            least, most = format_nanoseconds(low), format_nanoseconds(high)
+            raise fail(say("form_between", value=text.strip(), least=least, most=most))
         return found
 
     return Kind(check, format_nanoseconds, TIME_FORM)
@@ -212,18 +221,22 @@ def choice(*options: str) -> Kind:
 
     def hint(value: object) -> str:
         near = nearest(f"COM{value}" if _is_int(value) else str(value), options)
-        return f"; did you mean {near}?" if near else ""
+        return say("form_meant", meant=near) if near else ""
 
-    allowed = f"allowed {', '.join(options)}"
     form = {"enum": list(map(str, options))}
-    return _those(lambda value: isinstance(value, str) and value in options, allowed, hint, form=form)
+    return _those(
+        lambda value: isinstance(value, str) and value in options, _allowed(options), hint, form=form
+    )
 
 
 def one_of(options: Sequence[int]) -> Kind:
     """One of some whole numbers."""
-    allowed = f"allowed {', '.join(map(str, options))}"
     form = {"enum": list(options)}
-    return _those(lambda value: _is_int(value) and value in options, allowed, form=form)
+    return _those(lambda value: _is_int(value) and value in options, _allowed(options), form=form)
+
+
+def _allowed(options: Iterable[object]) -> Callable[[object], str]:
+    return lambda _: say("form_allowed", options=", ".join(map(str, options)))
 
 
 _LINK_PORTS = choice("COM3", "COM4")
@@ -231,7 +244,7 @@ _LINK_PORTS = choice("COM3", "COM4")
 
 def _link_port(value: object) -> str:
     if value in ("COM5", "COM6"):
-        raise fail(f"is {value}, which M8179 cannot select (0: COM3, 1: COM4); allowed COM3, COM4")
+        raise fail(say("form_cannot_select", value=value))
     return cast("str", _LINK_PORTS.read(value))
 
 
@@ -248,11 +261,11 @@ class PlcPoint(NamedTuple):
 def _plc_device(value: object) -> PlcPoint:
     plc, dot, device = value.partition(".") if isinstance(value, str) else ("", "", "")
     if not dot or not _NAME.fullmatch(plc):
-        raise fail(f"{_found(value)}, expected a device of a PLC such as press1.D8201")
+        raise fail(say("form_plc_device", found=_found(value)))
     try:
         return PlcPoint(plc, parse_device(device[:100], observed=True))
     except ValueError as error:
-        raise fail(f"is {value}, whose device {error}") from None
+        raise fail(say("form_whose_device", value=value, error=error)) from None
 
 
 def _is_file_name(value: object) -> bool:
@@ -265,12 +278,12 @@ def characters(most: int) -> Kind:
     def check(value: object) -> bytes:
         value = unread(value)
         if not isinstance(value, str) or not value:
-            raise fail(f'{_found(value)}, expected a text such as "abc\\r"')
+            raise fail(say("form_text_such", found=_found(value)))
         try:
             data = value.encode("latin-1")
         except UnicodeEncodeError as error:
             strange = value[error.start]
-            raise fail(f"has the character {strange!r}, which is no byte; write it in hexadecimal") from None
+            raise fail(say("form_no_byte", strange=strange)) from None
         return _sized(data, most)
 
     form = {**UNREAD_FORM, "minLength": 1, "maxLength": most}
@@ -285,7 +298,7 @@ def hexadecimal(most: int) -> Kind:
         pairs = value.split() if isinstance(value, str) else []
         found = [_HEX.fullmatch(pair) for pair in pairs]
         if not pairs or None in found:
-            raise fail(f'{_found(value)}, expected bytes in hexadecimal such as "02 41 0D"')
+            raise fail(say("form_hex", found=_found(value)))
         return _sized(bytes(int(match.group(1), 16) for match in found if match is not None), most)
 
     pair = "(0x)?[0-9a-fA-F]{2}"
@@ -295,13 +308,13 @@ def hexadecimal(most: int) -> Kind:
 
 def _sized(data: bytes, most: int) -> bytes:
     if len(data) > most:
-        raise fail(f"has {len(data)} bytes, allowed 1..{most}")
+        raise fail(say("form_bytes", data=len(data), most=most))
     return data
 
 
 _CHARACTER_CODE = _those(
     lambda value: _is_int(value) and 0 <= value <= 0xFF,
-    'expected a character code 0..255 or one character such as "\\r"',
+    "form_character",
     form={"type": ["integer", "string"], "minimum": 0, "maximum": 0xFF, "minLength": 1, "maxLength": 1},
 )
 
@@ -323,25 +336,18 @@ Name = Annotated[
     _matching(
         _NAME,
         NAME_PATTERN,
-        "not a name; allowed are letters, digits, _ and -, with at least one letter",
+        "form_not_a_name",
         lambda value: (
-            ", and no - at the beginning"
+            say("form_no_dash")
             if str(value).startswith("-")
-            else "; true and false are names in quotes"
+            else say("form_names_in_quotes")
             if isinstance(value, bool)
             else ""
         ),
     ),
 ]
 #: The name of a node of a bus: a PLC, one of its ports (press1.COM3), a device.
-NodeName = Annotated[
-    str,
-    _matching(
-        _NODE,
-        rf"{NAME_PATTERN}(\.COM[1-6])?",
-        "expected the name of a PLC, a port such as press1.COM3, or a device",
-    ),
-]
+NodeName = Annotated[str, _matching(_NODE, rf"{NAME_PATTERN}(\.COM[1-6])?", "form_node_name")]
 #: A line of free text, 1 to 200 characters.
 Title = Annotated[str, _line(200)]
 Sentence = Annotated[str, _line(2000)]
@@ -351,42 +357,33 @@ Positive = Annotated[int, time(low=1)]
 Moment = Annotated[int, time(likely="s")]
 Duration = Annotated[int, time(low=1, likely="s")]
 Probability = Annotated[float, number(0, 1)]
-Flag = Annotated[
-    bool, _those(lambda value: isinstance(value, bool), "allowed true, false", form={"type": "boolean"})
-]
+Flag = Annotated[bool, _those(lambda value: isinstance(value, bool), "form_flag", form={"type": "boolean"})]
 Times = Annotated[int, whole(1, 1_000_000_000)]
 Baud = Annotated[int, one_of(BAUDS)]
 #: A character format such as 7E1, which YAML may have read as a number.
-Format = Annotated[CharFormat, _parsed(CharFormat.parse, "a character format such as 8N1", FORMAT_FORM)]
+Format = Annotated[CharFormat, _parsed(CharFormat.parse, "form_format", FORMAT_FORM)]
 #: A device of a PLC's memory, such as D400; one of a PLC that can be observed, such as press1.D8201.
-DeviceName = Annotated[Device, _parsed(parse_device, "a device such as D400", TEXT_FORM)]
-Range = Annotated[DeviceRange, _parsed(parse_range, "a range of devices such as M500-M3071", TEXT_FORM)]
+DeviceName = Annotated[Device, _parsed(parse_device, "form_device", TEXT_FORM)]
+Range = Annotated[DeviceRange, _parsed(parse_range, "form_devices", TEXT_FORM)]
 PlcDevice = Annotated[PlcPoint, Kind(_plc_device, str, {"type": "string", "pattern": r"^[^.]+\.."})]
 #: The port of an N:N link.
 LinkPort = Annotated[str, Kind(_link_port, form=_LINK_PORTS.form)]
 #: The name of a file, with folders or without.
 FileName = Annotated[
-    str,
-    _those(
-        _is_file_name,
-        "expected the name of a file",
-        form={"type": "string", "pattern": r"\S", "maxLength": 1000},
-    ),
+    str, _those(_is_file_name, "form_file_name", form={"type": "string", "pattern": r"\S", "maxLength": 1000})
 ]
 #: A Modbus function that is known here.
 FunctionCode = Annotated[
     int,
     _those(
         lambda value: _is_int(value) and value in FUNCTIONS,
-        "allowed 1, 2, 3, 4, 5, 6, 15 (0x0F), 16 (0x10)",
-        lambda value: "; did you mean 0x10?" if value == 10 else "",
+        "form_function",
+        lambda value: say("form_meant", meant="0x10") if value == 10 else "",
         form={"enum": sorted(FUNCTIONS)},
     ),
 ]
 #: A Python function as ``module:function``.
-CallableName = Annotated[
-    str, _matching(_CALLABLE, r"[^\s:]+:[^\s:]+", "expected module:function, such as sensors:level")
-]
+CallableName = Annotated[str, _matching(_CALLABLE, r"[^\s:]+:[^\s:]+", "form_callable")]
 #: One character: its code 0 to 255, or itself in quotes.
 Character = Annotated[int, Kind(_character, form=_CHARACTER_CODE.form)]
 Text = Annotated[bytes, characters(MAX_BYTES)]

@@ -14,6 +14,7 @@ from pydantic_core import CoreSchema
 from bussim.forms.fields import Time, exact, fail, time
 from bussim.forms.kind import Form
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
+from bussim.words.language import say
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -73,9 +74,9 @@ def only_one(model: Model, keys: tuple[str, ...], info: ValidationInfo) -> None:
     """
     given = [key for key in keys if getattr(model, key) is not None]
     if len(given) > 1:
-        raise fail(f"excludes {given[0]} in the same entry", given[1])
+        raise fail(say("form_excludes", given=given[0]), given[1])
     if not given and not info.context:
-        raise fail(f"says nothing; expected one of {', '.join(keys)}")
+        raise fail(say("form_says_nothing", keys=", ".join(keys)))
 
 
 class OneKind(Model):
@@ -145,5 +146,5 @@ class ScanIn(Model):
     @model_validator(mode="after")
     def _jitter_below_mean(self) -> ScanIn:
         if self.jitter >= self.mean:
-            raise fail("must be less than the mean", "jitter")
+            raise fail(say("form_below_mean"), "jitter")
         return self

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from bussim.forms.mistakes import Path, Reporter
 from bussim.plc.link_devices import LINK_STATUS
 from bussim.plc.memory import Device, Family, parse_device
+from bussim.words.language import say
 
 #: What the link writes beside its times, counts, codes and flags: mirrors of its settings.
 _MIRRORS = tuple(Device("D", address) for address in range(8173, 8176))
@@ -18,9 +19,9 @@ def check_registers(
     for name, device in named_devices(path, registers, report, family=family):
         value = registers[name]
         if not device.is_word and value not in (0, 1):
-            report.error((*path, name), f"is {value}, allowed 0, 1")
+            report.error((*path, name), say("form_bit", value=value))
         if device in written:
-            report.warn((*path, name), "is written by the link itself: the value given here is lost")
+            report.warn((*path, name), say("form_by_link"))
 
 
 def named_devices(
@@ -41,9 +42,9 @@ def named_devices(
         try:
             device = parse_device(name, observed=observed, family=family)
         except ValueError as error:
-            report.mistake((*path, name), f"a device of {path[-1]} {error}", key=True)
+            report.mistake((*path, name), say("form_device_of", path=path[-1], error=error), key=True)
             continue
         if device in seen:
-            report.error((*path, name), f"is the same device as {seen[device]}", key=True)
+            report.error((*path, name), say("form_same_device", seen=seen[device]), key=True)
         seen[device] = name
         yield name, device

@@ -11,6 +11,7 @@ from bussim.engines.modbus.gaps import STANDARD_GAPS, GapRule
 from bussim.forms.fields import exact, fail, none_or, number, time
 from bussim.forms.form import Model, changed
 from bussim.units import TICKS_PER_SECOND
+from bussim.words.language import say
 
 
 class RtuGapsIn(Model):
@@ -30,8 +31,8 @@ class RtuGapsIn(Model):
         inner, end = float(rule.inner), float(rule.end)
         if inner > end:
             if self.inner is not None:
-                raise fail(f"is {inner:g}, more than what ends a frame ({end:g})", "inner")
-            raise fail(f"is {end:g}, less than what a frame may have inside ({inner:g})", "end")
+                raise fail(say("form_more_than_end", inner=inner, end=end), "inner")
+            raise fail(say("form_less_than_inner", end=end, inner=inner), "end")
         return self
 
     def rule(self) -> GapRule:

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
+from bussim.words.language import say
+
 
 class Family(StrEnum):
     """Whose devices a PLC has; a PW10 those of an FX2N."""
@@ -133,25 +135,23 @@ def parse_device(name: str, *, observed: bool = False, family: Family = Family.F
     match = _NAME.fullmatch(name.upper() if name.isascii() else name)
     if match is None:
         near = _near(name, observed=observed)
-        hint = f"; did you mean {near}?" if near else f"; write a letter of {letters} and a number"
-        raise ValueError(f"is {name!r}, not a device{hint}")
+        hint = say("form_meant", meant=near) if near else say("memory_write", letters=letters)
+        raise ValueError(say("memory_no_device", name=name, hint=hint))
     letter, digits = match.groups()
     if letter in OBSERVED_RANGES and not observed:
-        raise ValueError(f"is {name!r}, which can only be observed; allowed are {letters}")
+        raise ValueError(say("memory_observed", name=name, letters=letters))
     if letter in _OCTAL and not set(digits) <= set("01234567"):
         point = Device(letter, int(digits))
-        raise ValueError(
-            f"is {name!r}, but {letter} is numbered in octal (no 8 or 9); "
-            f"point {int(digits)} of {letter} is {point}"
-        )
+        raise ValueError(say("memory_octal", name=name, letter=letter, number=int(digits), point=point))
     device = Device(letter, int(digits, 8 if letter in _OCTAL else 10))
     ranges = _ranges_of(letter, family)
     if not _lies_in(device, ranges):
         allowed = range_names(letter, ranges)
         lacks = lacking(device, family)
         if not lacks:
-            raise ValueError(f"is {name!r}, allowed {allowed}")
-        raise ValueError(f"is {name!r}, that {lacks}" + (f"; allowed {allowed}" if allowed else ""))
+            raise ValueError(say("memory_allowed", name=name, allowed=allowed))
+        more = say("memory_and_allowed", allowed=allowed) if allowed else ""
+        raise ValueError(say("memory_lacks", name=name, lacks=lacks, more=more))
     return device
 
 
@@ -164,8 +164,8 @@ def lacking(device: Device, family: Family) -> str:
     """Why a family lacks a device that others have: ``only an FX3U has``; empty where none has it."""
     letter = device.letter
     if family is Family.FX1S and _lies_in(device, _ranges_of(letter, Family.FX2N)):
-        return "an FX1S lacks"
-    return "only an FX3U has" if _lies_in(device, own_ranges(letter, Family.FX3U) or ()) else ""
+        return say("memory_fx1s")
+    return say("memory_fx3u") if _lies_in(device, own_ranges(letter, Family.FX3U) or ()) else ""
 
 
 def _lies_in(device: Device, ranges: tuple[tuple[int, int], ...]) -> bool:
@@ -218,7 +218,7 @@ def parse_range(text: str) -> DeviceRange:
     found = re.fullmatch(r"([MSTCDR])(\d{1,5}) *[-–] *\1(\d{1,5})", text, re.ASCII)
     last = FIRST_SPECIAL if found and found[1] in "MD" else 32768
     if found is None or not int(found[2]) <= int(found[3]) < last:
-        raise ValueError(f"is {text!r}, expected a range such as M500-M3071 of M S T C D R, without specials")
+        raise ValueError(say("memory_range", text=text))
     return DeviceRange(found[1], int(found[2]), int(found[3]))
 
 
@@ -229,7 +229,8 @@ def latched_problem(kept: DeviceRange, family: Family) -> str | None:
     if any(low <= first and last <= high for low, high in ranges):
         return None
     ranges = [(low, min(high, FIRST_SPECIAL - 1)) if letter in "MD" else (low, high) for low, high in ranges]
-    return f"is {kept}, allowed " + (range_names(letter, ranges) or f"no {letter}: only an FX3U has it")
+    allowed = range_names(letter, ranges) or say("memory_none", letter=letter)
+    return say("memory_kept", kept=kept, allowed=allowed)
 
 
 @dataclass(frozen=True, slots=True)

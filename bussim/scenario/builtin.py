@@ -3,7 +3,8 @@
 from pathlib import Path
 
 from bussim.errors import UsageError
-from bussim.wording import shorten, suggest
+from bussim.wording import shorten
+from bussim.words.values import suggest
 
 #: What ``bussim run`` runs when it is given nothing.
 DEFAULT = "press_line"

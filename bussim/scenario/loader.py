@@ -20,6 +20,8 @@ from bussim.scenario.yaml.plain import copied
 from bussim.scenario.yaml.source_map import Report, SourceMap
 from bussim.scenario.yaml.user_code import Code
 from bussim.wording import nearest
+from bussim.words.language import say
+from bussim.words.tables import recognised
 
 #: Values set from outside of the file: ``key.path=value``, or an Override with a label of its own.
 Overrides = Iterable[str | Override]
@@ -109,25 +111,25 @@ def _bytes(path: Path, shown: str) -> bytes:
     try:
         mode = path.stat().st_mode
         if not stat.S_ISREG(mode):  # reading a pipe would wait
-            message = f"is {kind_of(mode)}, not a scenario file"
+            message = say("file_no_scenario", kind=recognised(kind_of(mode), "file_kind_of_"))
         else:
             with path.open("rb") as file:
                 return file.read(yaml.MAX_BYTES + 1)
     except FileNotFoundError:
         message = _missing(path, shown)
     except OSError as error:
-        message = f"cannot be read: {error.strerror or type(error).__name__}"
+        message = say("file_cannot", strerror=error.strerror or type(error).__name__)
     except ValueError:
-        message = "is not a path"
+        message = say("file_no_path")
     raise ScenarioError([Problem(shown, 0, 0, message)])
 
 
 def _missing(path: Path, shown: str) -> str:
     if path.name != shown:
-        return "no such file"  # a built-in scenario has no folder
+        return say("file_none")  # a built-in scenario has no folder
     near = nearest(shown.removesuffix(".yaml"), builtin.names())
-    hint = f"did you mean {near}?" if near else "bussim scenarios lists them all"
-    return f"no such file, and no built-in scenario of that name; {hint}"
+    hint = say("form_mean", near=near) if near else say("file_lists")
+    return say("file_no_builtin", hint=hint)
 
 
 def _check(
@@ -140,7 +142,7 @@ def _check(
 ) -> Examined:
     report = Report(source_map, problems)
     if data is None:
-        empty = Problem(source_map.file, 0, 0, "is empty; a scenario begins with schema: 1")
+        empty = Problem(source_map.file, 0, 0, say("file_empty"))
         return Examined(None, tuple(sorted(problems)) or (empty,), ())
     # Here, because pydantic costs a tenth of a second that only a readable file should pay.
     from bussim.scenario.build.scenario import build

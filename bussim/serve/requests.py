@@ -13,7 +13,8 @@ from bussim.scenario.yaml import parser as yaml
 from bussim.serve.session import Session
 from bussim.sim.faults import describe
 from bussim.units import format_time, seconds
-from bussim.wording import nearest, shorten, suggest
+from bussim.wording import nearest, shorten
+from bussim.words.values import suggest
 
 #: Seconds that a fault may take to begin.
 _LONGEST_WAIT = 5.0

@@ -20,7 +20,6 @@ from bussim.results.meters.link import LinkRecord, Pairs
 from bussim.results.run_record import RunRecord
 from bussim.scenario import model
 from bussim.scenario.build.trace_header import trace_header
-from bussim.scenario.rules.buses import NO_MASTER
 from bussim.serve.bridge import Bridge
 from bussim.serve.external_lines import ExternalLinkBus, ExternalSerialBus
 from bussim.serve.late_responses import LateResponses
@@ -44,6 +43,7 @@ from bussim.trace.records import (
 )
 from bussim.units import format_ms, milliseconds, seconds
 from bussim.wording import counted
+from bussim.words.language import say
 
 #: The duration of a run without an end (100 years).
 FOREVER = 100 * 365 * 86_400 * 72_000_000
@@ -172,7 +172,8 @@ class Session:
         duration: int = FOREVER,
         report: Callable[[str], None] = _ignore,
     ) -> None:
-        outside = tuple(f"{target.bus} {NO_MASTER}" for target in targets)  # it has masters outside
+        no_master = say("rule_no_master_there")
+        outside = tuple(f"{target.bus} {no_master}" for target in targets)  # it has masters outside
         warnings = tuple(text for text in scenario.warnings if not text.startswith(outside))
         self.scenario = replace(scenario, duration=duration, warnings=warnings)
         self.targets = tuple(targets)

@@ -11,7 +11,7 @@ from bussim.line.protocols import BusProtocol
 from bussim.plc.link_registers import D_STATION
 from bussim.plc.ports.cpavl import BadSettings, PortSettings, configured
 from bussim.scenario import model
-from bussim.wording import suggest
+from bussim.words.values import suggest
 
 #: The URL of a node for which none is given: a new pseudo-terminal.
 DEFAULT_URL = "pty"

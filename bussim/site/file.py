@@ -34,7 +34,8 @@ from bussim.site.readout import (
     own_entries,
     with_numbers,
 )
-from bussim.wording import counted, names, nearest, show, suggest
+from bussim.wording import counted, names, nearest
+from bussim.words.values import show, suggest
 
 _CODES = frozenset(f"D{CODE + station}" for station in range(8))
 _GROWING = frozenset({"D8202", *(f"D{COUNT + station}" for station in range(8))})

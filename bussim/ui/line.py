@@ -111,7 +111,7 @@ def line_of(text: str, form: Form, bus: str, name: str, files: Mapping[str, byte
     try:
         changed = edit(text, _changes(line, form))
     except UsageError as error:
-        raise Refusal(400, "edit", str(error)) from error
+        raise Refusal(400, "edit", error.args[0]) from error
     after = examine(changed, name=name, files=files)
     line = Line(changed, after.get(), line.bus, after.warnings)
     found = values_of(line)

@@ -182,11 +182,13 @@ class Service:
 
     async def _run(self, request: Request) -> Response:
         """Begin a simulation, and stream what it says, a line of JSON each."""
+        lang = "en"
         try:
             asked = _read(_Run, await body_of(request))
+            lang = asked.lang
             key, scenario = await to_thread.run_sync(self._begin, asked, limiter=self._beginning)
         except (Refusal, BussimError) as error:
-            return _refused(error)
+            return _refused(error, lang)
         said = self._said(key, scenario, asked.lang)
         await anext(said)  # from here on its end is seen to, whatever becomes of the page
         return StreamingResponse(said, media_type="application/x-ndjson")
@@ -265,15 +267,15 @@ def _answering(kind: type[BaseModel], answer: Callable[[Any], Any]) -> Callable[
     limiter = CapacityLimiter(2)  # a second one where the first takes long
 
     async def answered(request: Request) -> Response:
-        begun = anyio.current_time()
+        begun, lang = anyio.current_time(), "en"
         try:
             asked = _read(kind, await body_of(request))
+            lang = asked.lang if isinstance(asked, Asked) else lang
             found = await to_thread.run_sync(answer, asked, limiter=limiter)
-            if isinstance(asked, Asked):
-                with use_language(asked.lang):
-                    found = shown(found)
+            with use_language(lang):
+                found = shown(found)
         except (Refusal, BussimError) as error:
-            return _refused(error)
+            return _refused(error, lang)
         spent = 1000 * (anyio.current_time() - begun)
         return Response(
             _json(found), media_type="application/json", headers={"server-timing": f"answer;dur={spent:.1f}"}
@@ -291,12 +293,15 @@ def _read(kind: type[_Kind], data: Any) -> _Kind:
         raise Refusal(400, "body", f"{where}: {first['msg']}", {"field": where}) from None
 
 
-def _refused(error: Refusal | BussimError) -> Response:
-    if isinstance(error, ScenarioError):
-        problems = [{**asdict(each), "field": field_of(each.path)} for each in error.problems]
-        error = Refusal(400, "mistakes", str(error), {"problems": problems})
-    elif not isinstance(error, Refusal):
-        error = Refusal(400, "refused" if isinstance(error, UsageError) else "failed", str(error))
+def _refused(error: Refusal | BussimError, lang: str) -> Response:
+    with use_language(lang):
+        if isinstance(error, ScenarioError):
+            found = [shown(each) for each in error.problems]
+            problems = [{**asdict(each), "field": field_of(each.path)} for each in found]
+            error = Refusal(400, "mistakes", "\n".join(map(str, found)), {"problems": problems})
+        elif not isinstance(error, Refusal):
+            error = Refusal(400, "refused" if isinstance(error, UsageError) else "failed", error.args[0])
+        error.text = shown(error.text)
     return error.response
 
 

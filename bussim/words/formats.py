@@ -2,14 +2,14 @@
 
 Beside the formats of Python a text of the tables knows ``n`` (a whole number with its thousands apart),
 ``counted frame`` (a number with its noun), ``ms`` and ``most_ms`` (milliseconds, see
-:func:`bussim.wording.in_ms`), ``list`` (names, "and" before the last), ``listed``, ``joined``, ``spaced``
-and ``plus`` (texts between commas, semicolons, blanks or +), ``station`` (a station by number and name),
-``counts`` (words with how often), ``codes`` and ``exceptions`` (counts by code, with what each means),
-``meanings`` (what codes mean), ``cause`` and ``brief`` (why a link scan was long), ``reason`` and ``reasons``
-(why frames were refused or attempts failed, and how often), ``frame`` and ``message`` (a kind of frame, what
-became of messages), ``when`` (how often, for how long, and when longest), ``times`` (of responses, or
-nothing), ``part`` (the text of another key), ``devices`` (special devices of the link by name) and
-``serial`` (a code of D8063).
+:func:`bussim.wording.in_ms`), ``list`` (names, "and" before the last), ``either`` (names with "or" between),
+``listed``, ``joined``, ``spaced`` and ``plus`` (texts between commas, semicolons, blanks or +), ``station``
+(a station by number and name), ``counts`` (words with how often), ``codes`` and ``exceptions`` (counts by
+code, with what each means), ``meanings`` (what codes mean), ``cause`` and ``brief`` (why a link scan was
+long), ``reason`` and ``reasons`` (why frames were refused or attempts failed, and how often), ``frame`` and
+``message`` (a kind of frame, what became of messages), ``line`` (where in a program), ``when`` (how often,
+for how long, and when longest), ``times`` (of responses, or nothing), ``part`` (the text of another key),
+``devices`` (special devices of the link by name) and ``serial`` (a code of D8063).
 """
 
 import re
@@ -27,6 +27,7 @@ _BETWEEN = {"listed": "comma", "joined": "semicolon", "spaced": "space"}
 #: The 7 of 7xyy, PW10's codes in D8063 (its board manual, section 8).
 _PW10 = 7
 _STATION = re.compile(r"station (\d+)(?: \((.*)\))?", re.DOTALL)
+_LINE = re.compile(r"at line (\d+)( of the program)?")
 _GIVEN_UP = re.compile(
     r"(station \d+(?: \(.*\))?): (\d+) attempts?, (?:all )?([0-9A-F]{2}(?:, [0-9A-F]{2})*)"
 )
@@ -83,9 +84,13 @@ class TextFormatter(Formatter):
 
     def format_field(self, value: Any, format_spec: str) -> str:
         """See :mod:`bussim.words.formats`."""
+        if isinstance(value, Exception):
+            value = value.args[0]
         if isinstance(value, Said):
             return self._shown(value)
         match format_spec:
+            case "" if isinstance(value, list):
+                return "".join(map(self._shown, value))
             case "n":
                 return f"{value:,}" if not isinstance(value, str) else value
             case "ms" | "most_ms" if not isinstance(value, str):
@@ -93,11 +98,17 @@ class TextFormatter(Formatter):
             case "list":
                 *others, last = map(self._shown, value)
                 return self._part("and").join([self._part("comma").join(others), last] if others else [last])
+            case "either":
+                return self._part("form_or").join(map(self._shown, value))
             case "listed" | "joined" | "spaced" | "plus":
                 between = " + " if format_spec == "plus" else self._part(_BETWEEN[format_spec])
                 return between.join(map(self._shown, value)) if not isinstance(value, str) else value
             case "station":
                 return self._shown(value)
+            case "line":
+                at = _LINE.fullmatch(value)
+                key = "line_of_program" if at is not None and at[2] else "line_at"
+                return value if at is None else render(key, {"line": at[1]}, self._lang)
             case "when":
                 if value is None:  # in a folder of an earlier version
                     return self._part("times_unknown")

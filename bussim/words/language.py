@@ -10,9 +10,10 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import replace
 from typing import Any, overload
 
-from bussim.errors import UsageError
+from bussim.errors import Problem, UsageError
 from bussim.words.formats import render
 from bussim.words.tables import LANGUAGES, Said
 
@@ -34,15 +35,25 @@ def shown(text: str) -> str: ...
 @overload
 def shown(text: Any) -> Any: ...
 def shown(text: Any) -> Any:
-    """A text in the language that is used, as far as it knows its key; of lists and mappings each text."""
+    """A text in the language that is used, as far as it knows its key; of lists and mappings each text.
+
+    Of a mistake or a warning of a file its message.
+    """
     if isinstance(text, Said):
         lang = _language.get()
         return str(text) if lang == "en" else render(text.key, text.values, lang)
+    if isinstance(text, Problem):
+        return replace(text, message=shown(text.message))
     if isinstance(text, Mapping):
         return {shown(key): shown(value) for key, value in text.items()}
     if isinstance(text, list | tuple):
         return [shown(each) for each in text]
     return text
+
+
+def choose_language(lang: str) -> None:
+    """Use a language of :data:`~bussim.words.tables.LANGUAGES` in this context from now on."""
+    _language.set(lang)
 
 
 @contextmanager

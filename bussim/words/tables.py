@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from importlib.resources import files
 from string import Formatter
@@ -12,7 +12,11 @@ from typing import Any
 #: The languages, in the order of the tables' columns: English and Chinese (zh-Hans).
 LANGUAGES = ("en", "zh")
 #: The tables, and those of pages, whose keys begin with the table's name: their scripts have them without it.
-TABLES, PAGES = ("verdict", "solver", "run", "pictures", "report_parts"), ("sizing", "report", "ui")
+TABLES = (
+    *("verdict", "solver", "run", "pictures", "report_parts"),
+    *("mistakes", "mistakes_rules", "mistakes_program"),
+)
+PAGES = ("sizing", "report", "ui")
 #: A text of fewer letters than this besides its values, or of one word, may be that of something else.
 _LEAST_LETTERS = 8
 
@@ -54,6 +58,21 @@ def entries() -> Mapping[str, list[str]]:
             raise ValueError(f"{name}.yaml has keys of another table: {', '.join(sorted(twice))}")
         found |= table
     return found
+
+
+def changed(text: str, change: Callable[[str], str]) -> str:
+    """A text with each of its values changed, in every language; without a key the text itself."""
+    if not isinstance(text, Said):
+        return change(text)
+    values = {
+        name: value if isinstance(value, int | float | list) else changed(_as_text(value), change)
+        for name, value in text.values.items()
+    }
+    return Said(change(text), text.key, values)
+
+
+def _as_text(value: object) -> str:
+    return value if isinstance(value, str) else str(value)
 
 
 @cache

@@ -86,6 +86,11 @@ _VALUES: Mapping[str, Any] = {
     "spaced": ["a_b", "c"],
     ".2f": 1.0,
     ".3f": 1.0,
+    "02X": 3,
+    "04X": 3,
+    "05": 3,
+    "either": ["a_b", "c"],
+    "line": "at line 3 of the program",
 }
 
 
@@ -95,7 +100,8 @@ def test_every_text_can_be_said(lang: str) -> None:
         formats = placeholders(entries()[key][LANGUAGES.index(lang)])
         values = {name: _VALUES[spec.partition(" ")[0]] for name, spec in formats.items()}
         text = render(key, values, lang)
-        assert "{" not in text or key.partition(".")[0] in PAGES, key
+        braces = "{{" in entries()[key][LANGUAGES.index(lang)]
+        assert "{" not in text or braces or key.partition(".")[0] in PAGES, key
         if is_fault(key) and lang == "en":
             assert text[0].isupper() or text.startswith(("x_1", "a_b"))
             assert text.endswith(".")

@@ -6,6 +6,7 @@ import ast
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from string import Formatter
 
 import pytest
 
@@ -20,6 +21,7 @@ _ROOT = Path(bussim.__file__).parent
 _BY_CODE = (
     *("code_", "exception_", "port_error_", "reason_", "outcome_"),
     *("note_state_", "input_", "kind_", "message_word_"),
+    *("yaml_says_", "example_", "file_kind_of_", "slot_"),
 )
 
 
@@ -65,3 +67,20 @@ def test_each_key_is_used() -> None:
     pages = [key for key in unused if key.partition(".")[0] in PAGES]
     assert [key for key in unused if key not in pages and not key.startswith(_BY_CODE)] == []
     assert [key for key in pages if not {part.rstrip("012") for part in key.split(".")[1:]} <= named] == []
+
+
+@pytest.mark.slow
+def test_each_text_gets_the_values_that_it_shows() -> None:
+    for path in _ROOT.rglob("*.py"):
+        for call in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not isinstance(call, ast.Call) or getattr(call.func, "id", "") not in ("say", "said_text"):
+                continue
+            given = {each.arg for each in call.keywords}
+            key = call.args[0].value if call.args and isinstance(call.args[0], ast.Constant) else None
+            if key in entries() and None not in given:
+                shown = {
+                    re.split(r"[.\[]", name)[0]
+                    for _, name, *_ in Formatter().parse(entries()[key][0])
+                    if name
+                }
+                assert given == shown, (path.name, call.lineno, key)

@@ -32,11 +32,11 @@ unsimulated_option = click.option(
 )
 
 
-def _use_language(ctx: click.Context, _: click.Parameter, lang: str | None) -> None:
-    """Use the language meanwhile: that of the system where none is given."""
-    from bussim.words.language import system_language, use_language
+def _use_language(_: click.Context, __: click.Parameter, lang: str | None) -> None:
+    """Use the language until the program ends: that of the system where none is given."""
+    from bussim.words.language import choose_language, system_language
 
-    ctx.with_resource(use_language(lang or system_language()))
+    choose_language(lang or system_language())
 
 
 #: The language of what a command shows; the command itself need not know it.

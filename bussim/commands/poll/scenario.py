@@ -31,7 +31,7 @@ def plan_of(file: str, node: str, *, allow_code: bool) -> Plan:
     ``values``, or what its device holds at power-on: there is no program here.
     """
     from bussim import api
-    from bussim.wording import suggest
+    from bussim.words.values import suggest
 
     scenario = api.load(file, allow_code=allow_code)
     for device in scenario.devices:

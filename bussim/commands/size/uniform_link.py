@@ -39,7 +39,7 @@ def uniform_link(
     """
     from bussim.plc.profiles import MAX_SLAVES, PROFILES
     from bussim.scenario.loader import from_data
-    from bussim.wording import suggest
+    from bussim.words.values import suggest
 
     if profile not in PROFILES:
         raise UsageError(f"--profile is {profile!r}; {suggest(profile, list(PROFILES))}")

@@ -15,6 +15,7 @@ from bussim.forms.fields import Hex, Positive, Text, Time, Times, fail
 from bussim.forms.form import OneKind
 from bussim.line.random_streams import Streams
 from bussim.plc.ports.spec import PollSpec
+from bussim.words.language import say
 
 MAX_MESSAGES = 1000
 FREE_PORT = DevicePort("free")
@@ -71,11 +72,11 @@ class MessageIn(BytesIn):
         if self.reply_to is not None:
             for key in ("at", "every", "times", "jitter"):
                 if getattr(self, key) is not None:
-                    raise fail("excludes reply_to in the same entry", key)
+                    raise fail(say("form_excludes", given="reply_to"), key)
         elif self.delay is not None:
-            raise fail("needs reply_to", "delay")
+            raise fail(say("model_needs_reply_to"), "delay")
         if self.times is not None and self.times > 1 and self.every is None:
-            raise fail("needs every", "times")
+            raise fail(say("form_needs_every"), "times")
         return self
 
     def message(self) -> Message:

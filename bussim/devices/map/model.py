@@ -23,6 +23,7 @@ from bussim.line.characters import LineTiming
 from bussim.line.random_streams import Streams
 from bussim.plc.ports.spec import PollSpec
 from bussim.wording import names
+from bussim.words.language import say
 
 MAX_ENTRIES = 1000
 MAP_PORT = DevicePort("map")
@@ -123,12 +124,12 @@ class ItemIn(Model):
         if any(getattr(self, key) is not None for key in VALUE_KEYS):
             only_one(self, VALUE_KEYS, info)
         if self.high_first and self.words == 1:
-            raise fail("needs words: 2", "high_first")
+            raise fail(say("model_needs_words"), "high_first")
         for key in ("low", "high"):
             if getattr(self, key) is not None and not self.writable:
-                raise fail("needs writable: true", key)
+                raise fail(say("model_needs_writable"), key)
         if self.low is not None and self.high is not None and self.low > self.high:
-            raise fail(f"is {self.high}, below low ({self.low})", "high")
+            raise fail(say("model_below_low", high=self.high, low=self.low), "high")
         return self
 
     @property
@@ -179,18 +180,18 @@ class MapIn(SlaveIn):
                 path = (*entry.path, section, index)
                 _check_item(path, section, item, find, report)
                 if item.end > ADDRESSES:
-                    text = f"is {item.address}; its items end at {item.end - 1}, beyond 65535"
+                    text = say("model_end_beyond", address=item.address, last=item.end - 1)
                     report.error((*path, "address"), text)
                 for before, other in enumerate(items[:index]):
                     if other.address < item.end and item.address < other.end:
                         where = report.where((*path[:-1], before))
-                        text = f"is {item.address}, where the item at {other.address} already lies ({where})"
+                        text = say("model_already", address=item.address, other=other.address, where=where)
                         report.error((*path, "address"), text)
                         break
                 if space.is_bit and item.words == 2:
-                    report.error((*path, "words"), "is 2, but bits have one")
+                    report.error((*path, "words"), say("model_bits_one"))
         if not any(getattr(self, section) for section in SECTIONS) and not entry.lost(*SECTIONS):
-            report.error(entry.path, f"has nothing in it; expected one of {', '.join(SECTIONS)}")
+            report.error(entry.path, say("model_nothing", sections=", ".join(SECTIONS)))
 
     def settings(self, polls: tuple[PollSpec, ...], find: Find) -> MapSettings:
         """Its entries. Raises ValueError for a function of the user that cannot be had."""
@@ -215,16 +216,16 @@ def _check_item(path: Path, section: str, item: ItemIn, find: Find, report: Repo
         values = [("ramp.from", item.ramp.from_), ("ramp.to", item.ramp.to)]
     for key, value in values:
         if value is not None and not low <= value <= high:
-            report.error((*path, *key.split(".")), f"is {value}, allowed {low}..{high}")
+            report.error((*path, *key.split(".")), say("form_between", value=value, least=low, most=high))
     for key in ("low", "high"):
         value = getattr(item, key)
         if value is not None and not 0 <= value <= high:
-            report.error((*path, key), f"is {value}, allowed 0..{high} (unsigned)")
+            report.error((*path, key), say("model_unsigned", value=value, high=high))
     if item.writable and SECTIONS[section] not in WRITABLE:
         writable = names(name for name, space in SECTIONS.items() if space in WRITABLE)
-        report.error((*path, "writable"), f"is true, but Modbus cannot write {section}, only {writable}")
+        report.error((*path, "writable"), say("model_cannot_write", section=section, writable=writable))
     if item.call is not None:
         try:
             find(item.call)
         except ValueError as error:
-            report.error((*path, "call"), str(error))
+            report.error((*path, "call"), error.args[0])

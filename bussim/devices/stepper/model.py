@@ -21,7 +21,8 @@ from bussim.forms.mistakes import EntryView, Path, Reporter
 from bussim.line.characters import LineTiming
 from bussim.line.random_streams import Streams
 from bussim.plc.ports.spec import PollSpec
-from bussim.wording import suggest
+from bussim.words.language import say
+from bussim.words.values import suggest
 
 #: Parameters that the scenario gives with the device itself.
 _ELSEWHERE = ("station", "baud")
@@ -113,7 +114,7 @@ class SwitchIn(Model):
     @model_validator(mode="after")
     def _in_order(self) -> SwitchIn:
         if self.low is not None and self.high is not None and self.low > self.high:
-            raise fail(f"is {self.high}, below low ({self.low})", "high")
+            raise fail(say("model_below_low", high=self.high, low=self.low), "high")
         return self
 
 
@@ -153,20 +154,20 @@ class StepperIn(SlaveIn):
         path = (*entry.path, "registers")
         for name, value in self.registers.items():
             if name in _ELSEWHERE:
-                report.error((*path, name), f"is given with the device itself ({name}:)", key=True)
+                report.error((*path, name), say("model_given_itself", name=name), key=True)
             elif self.steps and name in _OF_STEPS:
-                text = "excludes steps, which are all steps of the program"
+                text = say("model_excludes_steps")
                 report.error((*path, name), text, key=True)
             else:
-                _check_parameter(path, name, value, _SAVED, "is not saved by the controller", report)
+                _check_parameter(path, name, value, _SAVED, "model_not_saved", report)
         for index, step in enumerate(self.steps):
             for name, value in step.items():
                 path = (*entry.path, "steps", index)
-                _check_parameter(path, name, value, _OF_STEPS, "belongs to no step", report)
+                _check_parameter(path, name, value, _OF_STEPS, "model_no_step", report)
         coil = self.profile.save_coil if self.profile is not None else None
         taken = COILS.get(coil) if coil is not None else None
         if taken not in (None, "save"):
-            report.error((*entry.path, "profile", "save_coil"), f"is {coil}, the coil of {taken}")
+            report.error((*entry.path, "profile", "save_coil"), say("model_coil_of", coil=coil, taken=taken))
 
     def _profile(self) -> StepperProfile:
         """The controller's profile with the given fields changed."""
@@ -196,12 +197,15 @@ def _parameters(given: Mapping[str, int]) -> dict[str, int]:
 def _check_parameter(
     path: Path, name: str, value: int, allowed: Sequence[str], other: str, report: Reporter
 ) -> None:
-    """Check one parameter by name; ``other`` is what to say of a register that is not ``allowed`` here."""
+    """Check one parameter by name; ``other`` is the key of what is said of one not ``allowed`` here."""
     if name not in allowed:
-        known = other if name in BY_NAME else "is no register"
-        report.error((*path, name), f"{known}; {suggest(name, allowed)}", key=True)
+        known = say(other if name in BY_NAME else "model_no_register")
+        report.error((*path, name), say("model_hint", known=known, hint=suggest(name, allowed)), key=True)
         return
     register = BY_NAME[name]
     low = -(1 << 31) if name in _SIGNED else register.low
     if not low <= value <= register.high:
-        report.error((*path, name), f"is {value}, allowed {low}..{register.high} ({register.number})")
+        report.error(
+            (*path, name),
+            say("model_register_range", value=value, low=low, high=register.high, number=register.number),
+        )

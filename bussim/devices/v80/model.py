@@ -15,6 +15,7 @@ from bussim.forms.fields import whole
 from bussim.forms.mistakes import EntryView, Reporter
 from bussim.forms.rtu_gaps import RtuGapsIn
 from bussim.plc.ports.spec import PollSpec
+from bussim.words.language import say
 
 _Bits = dict[str, Annotated[int, whole(0, 1)]]
 _Words = dict[str, Word]
@@ -73,11 +74,11 @@ class V80In(SlaveIn):
             try:
                 address = _address(section, key)
             except ValueError as error:
-                report.error(path, str(error), key=True)
+                report.error(path, error.args[0], key=True)
                 continue
             first = seen.setdefault((section, address), key)
             if first != key:
-                report.error(path, f"is the same item as {first}", key=True)
+                report.error(path, say("model_same_item", first=first), key=True)
 
     def settings(self, polls: tuple[PollSpec, ...], find: Find) -> V80Settings:
         """Its items by address."""
@@ -111,14 +112,18 @@ def _address(section: str, key: str) -> int:
     """
     low = _first(section)
     high, prefixed = low + V80_ITEMS - 1, low > 1
-    allowed = f"allowed {low:05}..{high:05}" + (f" or 1..{V80_ITEMS}" if prefixed else "")
     if not (key.isascii() and key.isdecimal() and len(key) <= 5):
-        raise ValueError(f"is no reference number; {allowed}")
+        raise ValueError(say("model_no_reference", allowed=_allowed(low)))
     number = int(key)
     if low <= number <= high:
         return number - low
     if 1 <= number <= V80_ITEMS and not (len(key) == 5 and prefixed):
         return number - 1
     owner = next((name for name in SECTIONS if _first(name) // 10_000 == number // 10_000), None)
-    other = f" but of {owner}" if owner not in (None, section) and len(key) == 5 else ""
-    raise ValueError(f"is no reference number of {section}{other}; {allowed}")
+    other = say("model_but_of", owner=owner) if owner not in (None, section) and len(key) == 5 else ""
+    raise ValueError(say("model_no_reference_of", section=section, other=other, allowed=_allowed(low)))
+
+
+def _allowed(low: int) -> str:
+    key = "model_v80_prefixed" if low > 1 else "model_v80"
+    return say(key, low=low, high=low + V80_ITEMS - 1, items=V80_ITEMS)

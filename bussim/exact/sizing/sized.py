@@ -17,7 +17,8 @@ from bussim.exact.text import ms
 from bussim.scenario import loader
 from bussim.scenario.model import Scenario
 from bussim.units import TICKS_PER_MS
-from bussim.wording import names, suggest
+from bussim.wording import names
+from bussim.words.values import suggest
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -16,6 +16,7 @@ from bussim.plc.program.text.operand_checks import Extent, extents
 from bussim.plc.program.text.source import Source
 from bussim.plc.program.text.specials import not_simulated
 from bussim.plc.system_devices import CLOCK
+from bussim.words.language import say
 
 #: The bit under which an FX takes its link settings over, if its contact is the program's first step.
 LINK_SETTINGS = 8038
@@ -122,6 +123,10 @@ class Program:
         )
 
 
+def _line(at: Instruction) -> str:
+    return f"at line {at.line}"
+
+
 def _warnings(instructions: list[Instruction], name: str, family: Family) -> Iterator[Problem]:
     """What a PLC would accept and its programmer hardly means."""
 
@@ -134,7 +139,7 @@ def _warnings(instructions: list[Instruction], name: str, family: Family) -> Ite
     idle: dict[str, Instruction] = {}
     for at in instructions:
         if family is Family.FX1S and at.spec.name in _NOT_OF_AN_FX1S and idle.setdefault(at.name, at) is at:
-            yield warn(at, f"an FX1S lacks {at.name} (assumed), which is simulated as if it were there")
+            yield warn(at, say("program_fx1s", at=at.name))
         if at.spec.flow in (Flow.STL, Flow.RET):
             step = at.operands[0].address if at.operands else None
         for extent in extents(at):
@@ -147,20 +152,20 @@ def _warnings(instructions: list[Instruction], name: str, family: Family) -> Ite
                 clock = [address for address in CLOCK if extent.holds("D", address, word=True)]
                 for address in clock[:1]:
                     idle["clock"] = at
-                    text = f"D{address} is part of the clock, which overwrites it within a second"
-                    yield warn(at, f"{text}: {at.name} has no lasting effect; set the clock in registers")
+                    text = say("program_clock", address=address)
+                    yield warn(at, say("program_no_effect", what=text, at=at.name))
         if at.name in ("OUT", "PLS", "PLF") and at.operands[0].kind != "D.b" and not at.operands[0].index:
             device = at.operands[0].device
             others = coils.setdefault(device, [])
             # In different steps of a step ladder one device may be driven: they are on one after the other.
             both = (other for other, its in others if its is None or step is None or its == step)
             if other := next(both, None):
-                yield warn(at, f"{device} is driven at line {other.line} too; the last one executed wins")
+                yield warn(at, say("program_twice", device=device, line=_line(other)))
             others.append((at, step))
         elif at.number and any(
             operand.device == Device("M", LINK_SETTINGS) for operand in at.operands if operand.kind == "M"
         ):
-            yield warn(at, "M8038 takes link settings over only as the contact of the program's first step")
+            yield warn(at, say("program_m8038"))
     for at in instructions:
         if at.name in ("OUT", "PLS", "PLF", "SET", "RST", "ZRST"):
             continue
@@ -171,6 +176,5 @@ def _warnings(instructions: list[Instruction], name: str, family: Family) -> Ite
                 if extent.holds(device.letter, device.address, word=False):
                     yield warn(
                         at,
-                        f"{at.name} writes {device}, which {coil.name} at line {coil.line} drives; "
-                        "the last one executed wins",
+                        say("program_written", at=at.name, device=device, coil=coil.name, line=_line(coil)),
                     )

@@ -10,8 +10,8 @@ from types import NoneType
 from typing import Any
 
 from bussim.results.meters.latency_record import PARTS
-from bussim.wording import show
 from bussim.words.origins import CLASSES
+from bussim.words.values import show
 
 #: Raises ValueError with the key (the second argument) where a value is another one than it must be.
 Check = Callable[[Any, str], None]

@@ -14,7 +14,8 @@ from bussim.scenario.resolve.members import Member
 from bussim.scenario.resolve.port_configuration import FREE, PortConfiguration
 from bussim.scenario.schema.draft import Draft, Entry, readable
 from bussim.scenario.yaml.source_map import Path
-from bussim.wording import show, suggest
+from bussim.words.language import say
+from bussim.words.values import show, suggest
 
 if TYPE_CHECKING:
     from bussim.devices.forms import DeviceIn
@@ -139,8 +140,10 @@ class Directory:
         It offers the names ``instead``, else those of all PLCs and devices.
         """
         known = [*self.plcs, *self.devices]
-        kinds = "no PLC and no device" if self.devices else "no PLC"
-        return "" if name in known or not known else f"is {kinds}; {suggest(name, instead or known)}"
+        if name in known or not known:
+            return ""
+        kinds = say("rule_no_plc_or_device" if self.devices else "rule_no_plc")
+        return say("rule_is_no", kinds=kinds, hint=suggest(name, instead or known))
 
     def find(self, name: str, bus: str | None = None) -> Node | None:
         """The node that a name means, on a bus if that is given.
@@ -151,7 +154,7 @@ class Directory:
         owner, _, port = name.partition(".")
         unknown = self.unknown(owner, [node.name for node in self.nodes])
         if unknown:
-            raise Missing(f"is {show(owner)}, which {unknown}")
+            raise Missing(say("rule_which_unknown", owner=show(owner), unknown=unknown))
         own = [node for node in self.nodes if node.owner == owner]
         if port:
             return self._port(name, owner, port, own, bus)
@@ -164,13 +167,13 @@ class Directory:
         if not self.sure(owner):
             return None
         if there:
-            ports = " or ".join(node.name for node in there)
-            raise Missing(
-                f"is {name}, which has several ports{'' if bus is None else ' there'}; write {ports}"
-            )
+            ports, on = [node.name for node in there], say("rule_there") if bus is not None else ""
+            raise Missing(say("rule_several_ports", name=name, there=on, ports=ports))
         if bus is None:
-            raise Missing(f"is {name}, which is on no bus")
-        raise Missing(f"is {name}, which is not on {bus}; {suggest(name, [n.name for n in self.on(bus)])}")
+            raise Missing(say("rule_on_no_bus", name=name))
+        raise Missing(
+            say("rule_not_on_bus", name=name, bus=bus, hint=suggest(name, [n.name for n in self.on(bus)]))
+        )
 
     def _port(self, name: str, owner: str, port: str, own: list[Node], bus: str | None) -> Node | None:
         wanted = owner if self._links.get(owner) == port else name
@@ -179,8 +182,8 @@ class Directory:
             return None
         if found is None:
             names = [node.name if "." in node.name else f"{owner}.{self._links.get(owner)}" for node in own]
-            raise Missing(f"is {name}, which is on no bus; {suggest(name, names)}")
+            raise Missing(say("rule_on_no_bus_hint", name=name, hint=suggest(name, names)))
         if bus is not None and found.bus != bus:
             there = [node.name for node in self.on(bus)]
-            raise Missing(f"is {name}, which is not on {bus}; {suggest(name, there)}")
+            raise Missing(say("rule_not_on_bus", name=name, bus=bus, hint=suggest(name, there)))
         return found

@@ -19,7 +19,9 @@ from bussim.scenario.schema.programs import InputIn, ProgramIn
 from bussim.scenario.yaml.files import Files
 from bussim.scenario.yaml.input_table import read_times
 from bussim.scenario.yaml.source_map import Path, Report
-from bussim.wording import counted, shorten
+from bussim.wording import shorten
+from bussim.words.language import say
+from bussim.words.tables import changed
 
 if TYPE_CHECKING:
     from bussim.plc.program.program import Program
@@ -51,15 +53,18 @@ class Origin:
 
         What a run says of a warning is the same wherever the program stands: lines of the program.
         """
-        plain = _LINE.sub(r"at line \1 of the program", found.message)
+        plain = changed(found.message, lambda text: _LINE.sub(r"at line \1 of the program", text))
         named = report.source_map.full_name(self.path)
         if not self.file:
-            where = "" if warning else f"line {found.line} of the program: "
-            placed = report.source_map.remark(self.path, f"{where}{plain}")
+            text = plain if warning else say("program_in_line", line=found.line, text=plain)
+            placed = report.source_map.remark(self.path, text)
         elif self.line == 0:
             placed = Problem(self.file, found.line, found.column, found.message, named)
         else:
-            moved = _LINE.sub(lambda match: f"at line {int(match[1]) + self.line - 1}", found.message)
+            begins = self.line - 1
+            moved = changed(
+                found.message, lambda text: _LINE.sub(lambda match: f"at line {int(match[1]) + begins}", text)
+            )
             line, column = self.line + max(found.line, 1) - 1, self.indent + max(found.column, 1)
             placed = Problem(self.file, line, column, moved, named)
         if warning:
@@ -130,15 +135,15 @@ def _comments(
     try:
         found = listing(files.read(name, MAX_EXPORT, coded=True), family=family)
     except ValueError as error:
-        report.error(_inner(path, "file", report), str(error))
+        report.error(_inner(path, "file", report), error.args[0])
         return own
     if found.comments is None:
         report.error(
-            _inner(path, "file", report), f"is {shorten(name)}, {found.kind}, and no device comments"
+            _inner(path, "file", report), say("file_no_comments", name=shorten(name), kind=found.kind)
         )
     kept = dict(list((found.comments or {}).items())[:MAX_COMMENTS])
     if len(kept) < len(found.comments or {}):
-        text = f"has comments of more than {MAX_COMMENTS} devices: those of the first are taken"
+        text = say("file_comments", max_comments=MAX_COMMENTS)
         report.warn(_inner(path, "file", report), text)
     return kept | own
 
@@ -160,7 +165,7 @@ def _program(
         try:
             text, kind = _exported(given.file, files)
         except ValueError as error:
-            report.error(origin.path, str(error))
+            report.error(origin.path, error.args[0])
             return None, origin
     else:
         text = given.text or ""
@@ -168,7 +173,7 @@ def _program(
         block = report.source_map.blocks.get(at)
         origin = Origin("" if block is None else report.source_map.file, at, *(block or ()))
         if len(text.encode()) > MAX_PROGRAM:
-            report.error(at, f"has more than {MAX_PROGRAM >> 10} KiB")
+            report.error(at, say("file_more", most=MAX_PROGRAM >> 10))
             return None, origin
     from bussim.plc.program.program import Program  # what only a scenario with programs pays
 
@@ -183,8 +188,10 @@ def _program(
     for problem in program.warnings:
         # A run's warnings have no marks: the PLC's name shows whose program it is.
         # With its comment the first device stands, the one that is spoken of.
-        message = _DEVICE.sub(lambda at: _commented(at[0], comments), problem.message, count=1)
-        named = replace(problem, message=f"{plc.name}: {message}")
+        message = changed(
+            problem.message, lambda text: _DEVICE.sub(lambda at: _commented(at[0], comments), text, count=1)
+        )
+        named = replace(problem, message=say("rule_of_plc", member=plc.name, what=message))
         report.add(origin.problem(report, named, warning=True), fatal=False)
     return replace(program, kind=kind), origin
 
@@ -200,23 +207,20 @@ def _exported(name: str, files: Files) -> tuple[str, str]:
 
     content = files.read(name, MAX_EXPORT, coded=True)
     if not content.strip():
-        raise ValueError(f"is {shorten(name)}, which is empty; expected a program that ends in END")
+        raise ValueError(say("file_empty_program", name=shorten(name)))
     found = listing(content)
     if found.comments is not None:
-        raise ValueError(
-            f"is {shorten(name)}, which holds {found.kind}, {counted(len(found.comments), 'device')}, and no "
-            f"program; it goes to comments: {shorten(name)}, export the program itself"
-        )
+        raise ValueError(say("file_holds", name=shorten(name), kind=found.kind, comments=len(found.comments)))
     text = found.text
     # Columns are dispensable, and notes of an export, whose comments are its only semicolons.
     for dispensable in ("(?m)^ +", "(?m) *;.*$")[: 1 + (found.kind != INSTRUCTION_LIST)]:
         if len(text.encode()) > MAX_PROGRAM:
             text = re.sub(dispensable, "", text)
     if len(text.encode()) > MAX_PROGRAM:
-        raise ValueError(f"is {shorten(name)}, which has more than {MAX_PROGRAM >> 10} KiB")
+        raise ValueError(say("file_too_large", name=shorten(name), most=MAX_PROGRAM >> 10))
     coding = files.codings.get(name, "UTF-8")
-    guess = "" if coding.startswith("UTF") else " (a guess; if its comments look wrong, save it as UTF-8)"
-    return text, f"{name} read as {found.kind}, {coding}{guess}"
+    guess = "" if coding.startswith("UTF") else say("file_guess")
+    return text, say("file_read_as", name=name, kind=found.kind, coding=coding, guess=guess)
 
 
 def _inner(path: Path, key: str, report: Report) -> Path:
@@ -234,9 +238,7 @@ def _inputs(
     found: dict[str, InputSpec] = {}
     for name, device in named_devices(path, given, report, family=family):
         if device.letter != "X":
-            report.error(
-                (*path, name), f"is no input: {device.letter} cannot be driven here, only X", key=True
-            )
+            report.error((*path, name), say("rule_no_input", letter=device.letter), key=True)
         elif (spec := _input((*path, name), given[name], files, report)) is not None:
             found[str(device)] = spec
     return found
@@ -260,7 +262,7 @@ def _input(path: Path, given: InputIn, files: Files, report: Report) -> InputSpe
     try:
         text = files.read(given.csv, MAX_CSV)
     except ValueError as error:
-        report.error((*path, "csv"), str(error))
+        report.error((*path, "csv"), error.args[0])
         return None
     times = read_times(text, given.csv, (*path, "csv"), report)
     return Times(times) if times is not None else None

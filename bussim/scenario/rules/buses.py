@@ -6,9 +6,7 @@ from bussim.scenario.resolve.buses import Line
 from bussim.scenario.resolve.nodes import Node, NodeRole
 from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.yaml.source_map import Path, Report
-
-#: Of a bus that has slaves alone.
-NO_MASTER = "has no Modbus master"
+from bussim.words.language import say
 
 
 def check_buses(resolved: Resolved, report: Report) -> None:
@@ -25,25 +23,24 @@ def check_buses(resolved: Resolved, report: Report) -> None:
         masters = [node for node in there if node.role is NodeRole.MASTER]
         slaves = [node for node in there if node.role is NodeRole.SLAVE]
         if not there:
-            report.warn(entry.path, f"nothing is on {bus.name}: no port of a PLC and no device")
+            report.warn(entry.path, say("rule_bus_empty", bus=bus.name))
         elif slaves and not masters:
-            report.warn(entry.path, f"{bus.name} {NO_MASTER}: no station asks {', '.join(_names(slaves))}")
+            no_master, names = say("rule_no_master_there"), ", ".join(_names(slaves))
+            report.warn(entry.path, say("rule_bus_no_master", bus=bus.name, why=no_master, slaves=names))
         for second in masters[1:]:
             report.warn(
                 second.path,
-                f"{bus.name} has more than one master, {masters[0].name} and {second.name}: their requests "
-                "can collide",
+                say("rule_bus_masters", bus=bus.name, masters=masters[0].name, second=second.name),
             )
         _check_stations(bus.name, slaves, report)
 
 
 def _check_fixed(line: Line, report: Report) -> None:
     bus, path = line.bus, line.entry.path
-    fixed = "an N:N link is always 38400 7E1 (leave it out)"
-    if bus.baud not in (None, NN_LINE.baud):
-        report.error((*path, "baud"), f"is {bus.baud}, but {fixed}")
-    if bus.format not in (None, NN_LINE.format):
-        report.error((*path, "format"), f"is {bus.format}, but {fixed}")
+    for key in ("baud", "format"):
+        if getattr(bus, key) not in (None, getattr(NN_LINE, key)):
+            text = say("rule_fixed", found=getattr(bus, key), why=say("rule_link_format"))
+            report.error((*path, key), text)
 
 
 def _names(nodes: list[Node]) -> list[str]:
@@ -58,7 +55,7 @@ def _check_stations(bus: str, slaves: list[Node], report: Report) -> None:
         if other is not node:
             report.warn(
                 (*node.path, "station"),
-                f"{other.name} and {node.name} on {bus} are both station {node.station}: they reply at once",
+                say("rule_same_station", other=other.name, node=node.name, bus=bus, station=node.station),
             )
 
 
@@ -67,9 +64,6 @@ def understood(path: Path, name: str, timing: LineTiming, line: Line, report: Re
     bus = line.timing
     same = (timing.baud, timing.format) == (bus.baud, bus.format)
     if not same:
-        report.warn(
-            path,
-            f"{name} runs at {timing.baud} {timing.format}, {line.name} at {bus.baud} {bus.format}: "
-            "no station there understands it",
-        )
+        own, there = (f"{each.baud} {each.format}" for each in (timing, bus))
+        report.warn(path, say("rule_not_understood", name=name, own=own, line=line.name, there=there))
     return same

@@ -11,7 +11,7 @@ from bussim.scenario.rules.buses import understood
 from bussim.scenario.schema.draft import Entry, readable
 from bussim.scenario.yaml.source_map import Report
 from bussim.units import format_ms, format_time
-from bussim.wording import counted
+from bussim.words.language import say
 
 
 def check_devices(resolved: Resolved, report: Report) -> None:
@@ -22,8 +22,8 @@ def check_devices(resolved: Resolved, report: Report) -> None:
             continue
         line = resolved.lines.get(device.bus)
         if line is not None and line.is_link:
-            nothing_else = "an N:N link, on which there are PLCs only (nn:)"
-            report.error((*entry.path, "bus"), f"is {line.name}, {nothing_else}")
+            nothing_else = say("rule_plcs_only")
+            report.error((*entry.path, "bus"), say("rule_bus_is", line=line.name, why=nothing_else))
         elif line is not None and not line.entry.lost("nn", "baud", "format"):
             _check_line(entry, device, line, report)
             if isinstance(device, FreeIn):
@@ -35,28 +35,32 @@ def _check_line(entry: Entry[DeviceIn], device: DeviceIn, bus: Line, report: Rep
     timing = device.timing(bus.timing)
     mode, _ = device.address()
     if mode is Mode.RTU and timing.format.data_bits != 8 and not entry.lost("mode", "format"):
-        needs = "Modbus RTU needs 8 data bits"
+        needs = say("rule_rtu_bits")
         if device.format is not None:
-            report.error((*entry.path, "format"), f"is {timing.format}, but {needs}")
+            report.error((*entry.path, "format"), say("rule_fixed", found=timing.format, why=needs))
         else:
-            report.error((*entry.path, "bus"), f"is {bus.name}, whose format is {timing.format}, but {needs}")
+            report.error(
+                (*entry.path, "bus"), say("rule_bus_format", bus=bus.name, format=timing.format, why=needs)
+            )
         return
     port = device.port
     if isinstance(device, MasterIn) and device.silence is not None and mode is Mode.RTU:
         waits = port.framing(mode, timing, device.silence).quiet + device.least_interval
         needed = port.framing(mode, timing).quiet
         if waits < needed:
-            when = f"{format_ms(waits)} after a reply, which a silence of {format_ms(needed)} ends"
-            what = "to slaves that received it, it and the next request are one frame"
-            report.warn((*entry.path, "silence"), f"{device.name} goes on {when}: {what}")
+            when = say("rule_goes_on_when", waits=format_ms(waits), needed=format_ms(needed))
+            what = say("rule_one_frame")
+            report.warn(
+                (*entry.path, "silence"), say("rule_goes_on", device=device.name, when=when, what=what)
+            )
     if not entry.lost("baud"):
         _check_baud(entry, device, timing, report)
     same = understood(entry.path, device.name, timing, bus, report)
     if same and port.formats and timing.format not in port.formats:
+        formats = ", ".join(map(str, port.formats))
         report.warn(
             (*entry.path, "format" if device.format is not None else "bus"),
-            f"{device.name} runs at {timing.format}; a {port.name} has "
-            f"{', '.join(map(str, port.formats))} only",
+            say("rule_formats_only", device=device.name, format=timing.format, port=port.name, only=formats),
         )
 
 
@@ -73,9 +77,16 @@ def _check_load(
         if before <= 1 < loads[bus.name]:
             report.warn(
                 (*entry.path, "says", number, "every"),
-                f"{device.name} sends {counted(size, 'character')} every {format_time(message.every)}, which "
-                f"take {format_ms(takes)}{' beside what else is sent' if before else ''}: {bus.name} cannot "
-                f"carry it; {MOST_WAITING} messages wait, what is due beyond them is never sent",
+                say(
+                    "rule_overloaded",
+                    device=device.name,
+                    size=size,
+                    every=format_time(message.every),
+                    takes=format_ms(takes),
+                    what=say("rule_beside") if before else "",
+                    bus=bus.name,
+                    most=MOST_WAITING,
+                ),
             )
 
 
@@ -83,7 +94,10 @@ def _check_baud(entry: Entry[DeviceIn], device: DeviceIn, timing: LineTiming, re
     port = device.port
     allowed = ", ".join(map(str, port.bauds))
     if timing.baud not in port.bauds and device.baud is not None:
-        report.error((*entry.path, "baud"), f"is {timing.baud}, allowed {allowed} ({port.name})")
+        report.error(
+            (*entry.path, "baud"),
+            say("rule_not_among_port", baud=timing.baud, allowed=allowed, port=port.name),
+        )
     elif timing.baud not in port.bauds:
-        text = f"is {device.bus}, which runs at {timing.baud}, but a {port.name} has {allowed} only"
+        text = say("rule_bus_baud", bus=device.bus, baud=timing.baud, port=port.name, allowed=allowed)
         report.error((*entry.path, "bus"), text)

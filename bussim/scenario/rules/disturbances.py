@@ -22,7 +22,8 @@ from bussim.scenario.schema.disturbances import (
 from bussim.scenario.schema.draft import Entry, readable
 from bussim.scenario.yaml.source_map import Path, Report
 from bussim.units import format_time
-from bussim.wording import show, suggest
+from bussim.words.language import say
+from bussim.words.values import show, suggest
 
 #: Faults of a slave's reply.
 _OF_REPLIES = frozenset({"drop_reply", "slow"})
@@ -33,7 +34,7 @@ def _find(path: Path, name: str, nodes: Directory, report: Report, bus: str | No
     try:
         return nodes.find(name, bus)
     except Missing as problem:
-        report.error(path, str(problem))
+        report.error(path, problem.args[0])
         return None
 
 
@@ -45,14 +46,14 @@ def check_noise(resolved: Resolved, report: Report) -> None:
             continue
         node = _find((*entry.path, "station"), noise.station, resolved.nodes, report, noise.bus)
         if noise.reply_loss is not None and node is not None and not node.replies:
-            report.warn((*entry.path, "station"), f"{_silence(node)} replies that could be lost")
+            report.warn((*entry.path, "station"), say("rule_lost_replies", silence=_silence(node)))
 
 
 def _silence(node: Node) -> str:
     """Why a node sends no reply, up to the word "replies"."""
     if node.role in (NodeRole.LINK_MASTER, NodeRole.MASTER):
-        return f"{node.name} is a master: it sends no"
-    return f"{node.name} is no slave: it sends no"
+        return say("rule_is_master", node=node.name)
+    return say("rule_no_slave", node=node.name)
 
 
 def _check_start(
@@ -62,7 +63,7 @@ def _check_start(
         name = report.source_map.full_name(entry.path)
         report.warn(
             (*entry.path, "at"),
-            f"{name} begins at {format_time(at)}, after the end of the run ({format_time(duration)})",
+            say("rule_begins_late", name=name, at=format_time(at), duration=format_time(duration)),
         )
 
 
@@ -98,13 +99,13 @@ def _check_owner(path: Path, name: str, nodes: Directory, report: Report, *, plc
         return
     owner = name.partition(".")[0]
     if owner in known and owner != name:
-        report.error(path, f"is {name}, but this happens to the whole of {owner}")
+        report.error(path, say("rule_whole", name=name, owner=owner))
         return
-    what = "no PLC" if plc_only or not nodes.devices else "no PLC and no device"
+    what = say("rule_no_plc") if plc_only or not nodes.devices else say("rule_no_plc_or_device")
     if plc_only and name in nodes.devices:
-        report.error(path, f"is {name}, a device, but this happens to PLCs only; {suggest(name, known)}")
+        report.error(path, say("rule_device_not_plc", name=name, hint=suggest(name, known)))
         return
-    report.error(path, f"is {show(name)}, which is {what}; {suggest(name, known)}")
+    report.error(path, say("rule_what_not", name=show(name), what=what, hint=suggest(name, known)))
 
 
 def _check_power_on(
@@ -121,11 +122,11 @@ def _check_power_on(
             report.error(path, unknown, key=True)
         elif name in switched_on:
             where = report.where(switched_on[name])
-            report.error(path, f"is given twice, first {where}", key=True)
+            report.error(path, say("rule_twice_first", where=where), key=True)
         else:
             switched_on[name] = path
         if duration is not None and tick >= duration:
-            report.warn(path, f"{name} is switched on at {format_time(tick)}, after the end of the run")
+            report.warn(path, say("rule_on_late", name=name, tick=format_time(tick)))
 
 
 def _check_cut(path: Path, cut: CableCutIn, resolved: Resolved, report: Report) -> None:
@@ -133,10 +134,8 @@ def _check_cut(path: Path, cut: CableCutIn, resolved: Resolved, report: Report) 
         return
     node = _find((*path, "after"), cut.after, resolved.nodes, report, cut.bus)
     if node is not None and resolved.nodes.on(cut.bus)[-1] is node:
-        what = "station" if node.role in (NodeRole.LINK_MASTER, NodeRole.LINK_SLAVE) else "node"
-        report.warn(
-            (*path, "after"), f"{node.name} is the last {what} on {cut.bus}: a cut behind it changes nothing"
-        )
+        what = say("word_station" if _on_link(node) else "word_node")
+        report.warn((*path, "after"), say("rule_last_on_bus", node=node.name, what=what, bus=cut.bus))
 
 
 def _subject(entry: Entry[FaultIn], kind: str) -> Path:
@@ -151,19 +150,18 @@ def _check_node(entry: Entry[FaultIn], kind: str, fault: FaultIn, nodes: Directo
     try:
         node = nodes.find(given.station)
     except Missing as problem:
-        nothing = f": there is nothing for {kind} to act on" if str(problem).endswith("on no bus") else ""
-        report.error(subject, f"{problem}{nothing}")
+        text = problem.args[0]
+        if text.endswith("on no bus"):
+            text = say("rule_nothing_to_act", problem=text, kind=kind)
+        report.error(subject, text)
         return
     if node is None:
         return
     if kind in _OF_REPLIES and not node.replies:
-        report.warn(subject, f"{_silence(node)} replies, and {kind} does nothing")
+        report.warn(subject, say("rule_kind_nothing", silence=_silence(node), kind=kind))
     wrong, right = fault.wrong_format, node.timing
     if wrong is not None and wrong.format in (None, right.format) and wrong.baud in (None, right.baud):
-        report.warn(
-            path,
-            f"wrong_format of {node.name} is {right.baud} {right.format}, which is right: it does nothing",
-        )
+        report.warn(path, say("rule_format_right", node=node.name, baud=right.baud, format=right.format))
     if isinstance(given, LoseCharIn):
         _check_character(path, given, node, report)
     if isinstance(given, FlipBitsIn):
@@ -172,8 +170,7 @@ def _check_node(entry: Entry[FaultIn], kind: str, fault: FaultIn, nodes: Directo
         longest = LINK_FRAME if _on_link(node) else RTU_MAX if node.mode is Mode.RTU else LONGEST_FRAME
         if given.index > longest - 2:
             report.error(
-                (*path, "index"),
-                f"is {given.index}, allowed 0..{longest - 2}: no frame of {node.name} goes on after it",
+                (*path, "index"), say("rule_index_pause", index=given.index, most=longest - 2, node=node.name)
             )
 
 
@@ -183,19 +180,22 @@ def _on_link(node: Node) -> bool:
 
 def _check_character(path: Path, given: LoseCharIn, node: Node, report: Report) -> None:
     if _on_link(node) and given.index is not None and given.index >= LINK_FRAME:
-        report.error((*path, "index"), f"is {given.index}, allowed 0..{LINK_FRAME - 1}")
+        report.error((*path, "index"), say("rule_index", index=given.index, most=LINK_FRAME - 1))
     bits = node.timing.format.data_bits
     if isinstance(given, InsertCharIn) and given.value is not None and given.value >> bits:
-        report.error((*path, "value"), f"is {given.value}, allowed 0..{(1 << bits) - 1}")
+        report.error((*path, "value"), say("rule_index", index=given.value, most=(1 << bits) - 1))
 
 
 def _check_bits(path: Path, given: FlipBitsIn, node: Node, report: Report) -> None:
     if _on_link(node) and max(given.bits) >= LINK_BITS:
-        report.error((*path, "bits"), f"has {max(given.bits)}, allowed 0..{LINK_BITS - 1}")
+        report.error((*path, "bits"), say("rule_has_index", bits=max(given.bits), most=LINK_BITS - 1))
     if given.frame is None:
         return
     kinds = LINK_FRAMES if _on_link(node) else MODBUS_FRAMES if node.mode is not None else ()
     if given.frame not in kinds:
-        protocol = "N:N" if _on_link(node) else "Modbus" if kinds else "no protocol with kinds of frames"
-        allowed = f"; allowed {', '.join(kinds)}" if kinds else ""
-        report.error((*path, "frame"), f"is {given.frame}, but {node.name} speaks {protocol}{allowed}")
+        protocol = "N:N" if _on_link(node) else "Modbus" if kinds else say("rule_no_kinds")
+        allowed = say("rule_allowed_too", kinds=", ".join(kinds)) if kinds else ""
+        report.error(
+            (*path, "frame"),
+            say("rule_speaks", frame=given.frame, node=node.name, protocol=protocol, allowed=allowed),
+        )

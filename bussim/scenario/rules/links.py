@@ -20,7 +20,7 @@ from bussim.scenario.resolve.members import NN_KEYS, Member
 from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.yaml.source_map import Report
 from bussim.units import format_time
-from bussim.wording import counted
+from bussim.words.language import say
 
 MAX_STATIONS = MAX_SLAVES + 1
 
@@ -38,21 +38,18 @@ def check_links(resolved: Resolved, report: Report) -> None:
         for member in on_link[MAX_STATIONS:]:
             report.mistake(
                 member.path,
-                f"{member.name} is one too many: {line.name}, an N:N link, takes {MAX_STATIONS} stations",
+                say("rule_one_too_many", member=member.name, line=line.name, max_stations=MAX_STATIONS),
             )
         if not on_link and whole:
             alone = any(member.plc.program is not None or member.plc.inputs for member in members)
-            besides = "; programs run all the same" if alone else ""
-            report.warn(line.entry.path, f"no PLC is on {line.name}: nothing is sent there{besides}")
+            besides = say("rule_programs_run") if alone else ""
+            report.warn(line.entry.path, say("rule_link_empty", line=line.name, besides=besides))
         elif len(on_link) <= MAX_STATIONS and whole:
             _check_link(line.name, on_link, report)
             _check_sources(on_link, report)
     for member in members:
         if not member.takes_part and not member.ports and member.plc.sources:
-            report.warn(
-                (*member.path, "sources"),
-                f"{member.name} takes no part in N:N: what its sources drive is sent to no station",
-            )
+            report.warn((*member.path, "sources"), say("rule_sources_unsent", member=member.name))
 
 
 def _check_link(bus: str, members: list[Member], report: Report) -> None:
@@ -63,16 +60,17 @@ def _check_link(bus: str, members: list[Member], report: Report) -> None:
         if first is not member:
             path = member.setting_path(D_STATION)
             if member.station == 0:
-                report.warn(path, f"{bus} has two masters, {first.name} and {member.name} (station 0)")
+                report.warn(path, say("rule_two_masters", bus=bus, first=first.name, member=member.name))
             else:
                 report.warn(
-                    path, f"{first.name} and {member.name} on {bus} are both station {member.station}"
+                    path,
+                    say(
+                        "rule_both_stations", plcs=[first.name, member.name], bus=bus, station=member.station
+                    ),
                 )
     master = numbers.get(0)
     if master is None:
-        report.warn(
-            members[0].path, f"{bus} has no master (station 0): no station is polled, nothing is sent"
-        )
+        report.warn(members[0].path, say("rule_no_master", bus=bus))
     elif not master.refused:
         _check_polling(bus, master, members, report)
         for member in members:
@@ -95,16 +93,13 @@ def _check_settings(member: Member, report: Report) -> None:
             if key != "station" and f"D{address}" in member.registers
         ]
         if ignored:
-            report.warn(
-                member.path, f"{name} is a slave: it ignores {', '.join(ignored)} and learns the master's"
-            )
+            report.warn(member.path, say("rule_slave_ignores", name=name, ignored=", ".join(ignored)))
         return
     mode, documented = settings[D_MODE], member.profile.documented_modes
     if mode not in documented:
         report.warn(
             member.setting_path(D_MODE),
-            f"{name} uses refresh mode {mode}, which the manual describes but its table of settings "
-            f"(D8178: {', '.join(map(str, documented))}) leaves out",
+            say("rule_undocumented", name=name, mode=mode, documented=", ".join(map(str, documented))),
         )
 
 
@@ -115,15 +110,22 @@ def _check_polling(bus: str, master: Member, members: list[Member], report: Repo
         if member.station > slaves and not member.refused:
             report.warn(
                 member.setting_path(D_STATION),
-                f"{member.name} is station {member.station}, but {master.name} polls only {slaves} on {bus} "
-                "(D8177): it is never polled",
+                say(
+                    "rule_never_polled",
+                    member=member.name,
+                    station=member.station,
+                    master=master.name,
+                    slaves=slaves,
+                    bus=bus,
+                ),
             )
     absent = [number for number in range(1, slaves + 1) if number not in present]
     if absent:
         report.warn(
             master.setting_path(D_SLAVES),
-            f"{master.name} polls {counted(slaves, 'slave')} (D8177), but {bus} has no station "
-            f"{', '.join(map(str, absent))}: every link scan waits for what is not there",
+            say(
+                "rule_absent", master=master.name, slaves=slaves, bus=bus, absent=", ".join(map(str, absent))
+            ),
         )
 
 
@@ -132,18 +134,23 @@ def _check_slave(master: Member, slave: Member, report: Report) -> None:
     if mode not in slave.profile.modes:
         report.warn(slave.path, mode_refusal(slave.name, slave.profile, mode))
         return
-    if slave.profile.word_spacing != master.profile.word_spacing:
+    apart = slave.profile.word_spacing, master.profile.word_spacing
+    if apart[0] != apart[1]:
         report.warn(
             slave.path,
-            f"{slave.name} keeps the stations' words {slave.profile.word_spacing} apart, {master.name} "
-            f"{master.profile.word_spacing}: the same data have other addresses there",
+            say("rule_spacing", slave=slave.name, apart=apart[0], master=master.name, other=apart[1]),
         )
     longest = worst_turnaround(slave.profile, slave.longest_scan) + NN_LINE.characters(data_chars(mode))
     if slave.station <= master.settings[D_SLAVES] and longest > limit:
         report.warn(
             master.setting_path(D_TIMEOUT),
-            f"the timeout of {master.name} is {format_time(limit)}, but a reply of {slave.name} may take "
-            f"{longest / 72_000:.1f} ms: it can come too late",
+            say(
+                "rule_timeout_late",
+                master=master.name,
+                limit=format_time(limit),
+                slave=slave.name,
+                longest=longest / 72000,
+            ),
         )
 
 
@@ -173,8 +180,6 @@ def _check_sources(members: list[Member], report: Report) -> None:
         block = blocks.pop(member.station, None)
         if block is None:
             continue
-        bits = f"M{block.bit} to M{block.bit + block.bits - 1} and " if block.bits else ""
-        own = f"{bits}D{block.word} to D{block.word + block.words - 1}"
         for name in member.plc.sources:
             try:
                 device = parse_device(name)
@@ -183,9 +188,10 @@ def _check_sources(members: list[Member], report: Report) -> None:
             if member.ports and not any(other.holds(device) for other in blocks.values()):
                 continue  # another port may send it
             if not block.holds(device):
-                report.warn(
-                    (*member.path, "sources", name),
-                    f"{member.name} drives {name}, which is not in its own block ({own}): it is not sent, "
-                    "and in another station's block it is overwritten",
-                    key=True,
-                )
+                text = say("rule_not_own_block", member=member.name, name=name, own=_extent(block))
+                report.warn((*member.path, "sources", name), text, key=True)
+
+
+def _extent(block: BlockRange) -> str:
+    bits = say("rule_block_bits", first=block.bit, last=block.bit + block.bits - 1) if block.bits else ""
+    return say("rule_block_words", bits=bits, first=block.word, last=block.word + block.words - 1)

@@ -8,7 +8,8 @@ from bussim.scenario.resolve.port_configuration import CPAVL_PORTS
 from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.schema.draft import Draft, Entry, readable
 from bussim.scenario.yaml.source_map import Path, Report
-from bussim.wording import show, suggest
+from bussim.words.language import say
+from bussim.words.values import show, suggest
 
 
 def check_names(resolved: Resolved, report: Report) -> None:
@@ -21,19 +22,15 @@ def check_names(resolved: Resolved, report: Report) -> None:
     buses = [entry.name for entry in draft.buses if entry.name is not None]
     for entry in owners:
         if entry.name is not None and entry.name in buses:
-            report.warn(
-                (*entry.path, "name"),
-                f"{entry.name} is the name of a bus as well: events in the trace and in pictures do not "
-                "show which of the two they are of",
-            )
+            report.warn((*entry.path, "name"), say("rule_name_of_bus", entry=entry.name))
     for path, name in _buses_named(draft) if buses else ():  # else that is the mistake, reported already
         if name not in buses:
-            report.error(path, f"is {show(name)}, which is no bus; {suggest(name, buses)}")
+            report.error(path, say("rule_no_bus", name=show(name), hint=suggest(name, buses)))
     plcs = [entry.name for entry in draft.plcs if entry.name is not None]
     for path, point in _points_named(draft) if plcs else ():
         if point.plc not in plcs:
-            unknown = f"{point.plc} is no PLC; {suggest(point.plc, plcs)}"
-            report.error(path, f"is {show(str(point))}, but {unknown}")
+            unknown = say("rule_no_such_plc", plc=point.plc, hint=suggest(point.plc, plcs))
+            report.error(path, say("rule_is_but", point=show(str(point)), why=unknown))
 
 
 def _check_different(section: Iterable[Entry[Any]], report: Report) -> None:
@@ -48,11 +45,9 @@ def _check_different(section: Iterable[Entry[Any]], report: Report) -> None:
         path = (*entry.path, "name")
         where = report.source_map.where((*first.path, "name"))
         if first.name == name:
-            report.error(path, f"is {show(name)}, which is used already ({where})")
+            report.error(path, say("rule_name_used", name=show(name), where=where))
         else:
-            report.error(
-                path, f"is {show(name)}, which differs only in case from {show(first.name)} ({where})"
-            )
+            report.error(path, say("rule_name_case", name=show(name), first=show(first.name), where=where))
 
 
 def _buses_named(draft: Draft) -> Iterator[tuple[Path, str]]:

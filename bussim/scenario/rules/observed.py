@@ -7,6 +7,7 @@ from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.schema.draft import Entry, readable
 from bussim.scenario.schema.programs import LatencyIn
 from bussim.scenario.yaml.source_map import Path, Report
+from bussim.words.language import say
 
 
 def check_observed(resolved: Resolved, report: Report) -> None:
@@ -16,7 +17,7 @@ def check_observed(resolved: Resolved, report: Report) -> None:
     for index, point in enumerate(resolved.draft.observe):
         _check_device(("observe", index), point, members.get(point.plc), report)
         if point in seen:
-            report.warn(("observe", index), f"{point} is observed twice")
+            report.warn(("observe", index), say("rule_observed_twice", point=point))
         seen.add(point)
 
 
@@ -25,7 +26,7 @@ def _check_device(path: Path, point: PlcPoint, member: Member | None, report: Re
         try:
             parse_device(str(point.device), observed=True, family=member.profile.family)
         except ValueError as error:
-            report.error(path, f"is {point}, whose device {error}")
+            report.error(path, say("rule_whose_device", point=point, error=error))
 
 
 def check_latencies(resolved: Resolved, report: Report) -> None:
@@ -44,28 +45,29 @@ def _check_latency(
     _check_device((*path, "from"), start, source, report)
     _check_device((*path, "to"), end, target, report)
     if start.device.is_word != end.device.is_word:
-        kinds = [f"{point} is a {'word' if point.device.is_word else 'bit'}" for point in (start, end)]
-        report.error((*path, "to"), f"is {end}: {' and '.join(kinds)}, but a latency has two of a kind")
+        first, second = (
+            say("rule_is_a_word" if point.device.is_word else "rule_is_a_bit", point=point)
+            for point in (start, end)
+        )
+        report.error((*path, "to"), say("rule_two_of_a_kind", end=end, first=first, second=second))
         return
     if start == end:
-        report.error((*path, "to"), f"is {end}, the device that it comes from")
+        report.error((*path, "to"), say("rule_same_device", end=end))
         return
     if end.device.letter == "X":
-        report.error((*path, "to"), f"is {end}, an input: no program can set it")
+        report.error((*path, "to"), say("rule_end_input", end=end))
         return
     if source.unread or target.unread:
         return
     if source is not target and (source.bus is None or source.bus != target.bus):
-        report.error((*path, "to"), f"is {end}, but {start.plc} and {end.plc} share no N:N link")
+        report.error((*path, "to"), say("rule_no_common_link", end=end, plc=start.plc, plc2=end.plc))
         return
     if start.device.is_word:
         for key in ("edge", "inverted"):
             if getattr(given, key) is not None:
-                report.error((*path, key), f"has no meaning for words, and {start} is one", key=True)
+                report.error((*path, key), say("rule_words_no_meaning", start=start), key=True)
         if source is target:
-            report.error((*path, "to"), f"is {end}, of the same PLC: there is no age to measure")
+            report.error((*path, "to"), say("rule_same_plc", end=end))
             return
     if start.device.letter == "X" and str(start.device) not in source.logic.inputs:
-        report.warn(
-            (*path, "from"), f"nothing drives {start}: it has no entry in the inputs of the PLC {source.name}"
-        )
+        report.warn((*path, "from"), say("rule_nothing_drives", start=start, source=source.name))

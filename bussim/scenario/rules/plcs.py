@@ -10,6 +10,7 @@ from bussim.scenario.schema.document import PlcIn, SourceIn
 from bussim.scenario.schema.draft import Entry
 from bussim.scenario.yaml.source_map import Path, Report
 from bussim.units import format_time
+from bussim.words.language import say
 
 #: A level that is so many times shorter than a scan is seen by hardly any.
 _FAR_SHORTER = 10
@@ -35,16 +36,16 @@ def check_plcs(resolved: Resolved, report: Report) -> None:
 def _check_clock(member: Member, report: Report) -> None:
     path, year = (*member.path, "registers"), member.raw.get("D8018", 0)
     if year not in range(100):
-        text = f"D8018 is {year}, allowed 0..99, the year without its century"
-        report.mistake(path, f"{member.name}: {text}")
+        text = say("rule_year", year=year)
+        report.mistake(path, say("rule_of_plc", member=member.name, what=text))
     else:
         try:
             clock_of([member.raw.get(f"D{address}", 0) & 0xFFFF for address in CLOCK[:-1]])
         except ValueError as error:
-            report.mistake(path, f"{member.name}: D8013 to D8018 are no time: {error}")
+            report.mistake(path, say("rule_no_clock", member=member.name, error=error))
     if "D8019" in member.raw:
-        text = "D8019, the day of the week, follows from D8013 to D8018; leave it out"
-        report.warn(path, f"{member.name}: {text}")
+        text = say("rule_weekday")
+        report.warn(path, say("rule_of_plc", member=member.name, what=text))
 
 
 def _check_ports(member: Member, report: Report) -> None:
@@ -52,8 +53,8 @@ def _check_ports(member: Member, report: Report) -> None:
     used = [member.port] * member.takes_part + [config.name for config in member.ports]
     allowed = member.profile.board_ports
     for port in sorted({*used} - {*allowed}):
-        has = f"a PLC of profile {member.profile.name} has {' and '.join(allowed)}"
-        report.warn(member.path, f"{member.name}: {has}, not {port}, which is simulated as if it were there")
+        has = say("rule_profile_ports", profile=member.profile.name, allowed=list(allowed))
+        report.warn(member.path, say("rule_port_lacking", member=member.name, has=has, port=port))
 
 
 def _report_unknown_bus(member: Member, resolved: Resolved, report: Report) -> None:
@@ -61,11 +62,18 @@ def _report_unknown_bus(member: Member, resolved: Resolved, report: Report) -> N
     given = next(name for name in TAKE_PART if name in member.registers)
     selected = member.registers.get(PORT_DEVICE, 0)
     example = next((line.name for line in resolved.lines.values() if line.is_link), "link")
-    and_bus = "" if resolved.draft.buses else f" and buses: [{{name: {example}, nn: true}}]"
+    and_bus = "" if resolved.draft.buses else say("rule_and_buses", example=example)
     report.mistake(
         (*member.path, "registers" if given in member.raw else "program"),
-        f"{member.name} sets {given} and so takes part in N:N on {member.port} (M8179 is {selected}), "
-        f"but ports does not name the bus; write ports: {{{member.port}: {{bus: {example}}}}}{and_bus}",
+        say(
+            "rule_bus_unnamed",
+            member=member.name,
+            given=given,
+            port=member.port,
+            selected=selected,
+            example=example,
+            and_bus=and_bus,
+        ),
     )
 
 
@@ -73,9 +81,9 @@ def _check_source_devices(member: Member, report: Report) -> None:
     path = (*member.path, "sources")
     for name, device in named_devices(path, member.plc.sources, report, family=member.profile.family):
         if device.letter not in "MD":
-            report.error((*path, name), "cannot be driven: a station shares M and D devices only", key=True)
+            report.error((*path, name), say("rule_m_d_only"), key=True)
         elif device.address >= FIRST_SPECIAL:
-            report.error((*path, name), "is a special device; set it in registers", key=True)
+            report.error((*path, name), say("rule_special"), key=True)
         else:
             _check_source((*path, name), device, member.plc.sources[name], report)
 
@@ -84,9 +92,9 @@ def _check_source(path: Path, device: Device, source: SourceIn, report: Report) 
     if device.is_word:
         return
     if source.constant is not None and source.constant not in (0, 1):
-        report.error((*path, "constant"), f"is {source.constant}, allowed 0, 1 ({device} is a bit)")
+        report.error((*path, "constant"), say("rule_bit_value", constant=source.constant, device=device))
     if source.ramp is not None:
-        report.error((*path, "ramp"), f"needs a word; {device} is a bit", key=True)
+        report.error((*path, "ramp"), say("rule_needs_word", device=device), key=True)
 
 
 def _check_nn(entry: Entry[PlcIn], member: Member, report: Report) -> None:
@@ -95,22 +103,19 @@ def _check_nn(entry: Entry[PlcIn], member: Member, report: Report) -> None:
         return
     path = (*entry.path, "nn")
     if nn.mode is not None and nn.mode not in profile.modes and not entry.lost("profile"):
-        allowed = f"{mode_numbers(profile.modes)} (profile {profile.name})"
-        report.error((*path, "mode"), f"is {nn.mode}, allowed {allowed}")
+        allowed = say("rule_of_profile", allowed=mode_numbers(profile.modes), profile=profile.name)
+        report.error((*path, "mode"), say("rule_allowed", mode=nn.mode, allowed=allowed))
     if nn.timeout is not None:
         low, high = (limit * TIMEOUT_UNIT for limit in profile.timeout_range)
-        below = nn.timeout - nn.timeout % TIMEOUT_UNIT
+        below, asked = nn.timeout - nn.timeout % TIMEOUT_UNIT, format_time(nn.timeout)
         if not low <= nn.timeout <= high and not entry.lost("profile"):
             report.error(
                 (*path, "timeout"),
-                f"is {format_time(nn.timeout)}, allowed {_ms(low)}..{_ms(high)} (profile {profile.name})",
+                say("rule_timeout_range", timeout=asked, low=_ms(low), high=_ms(high), profile=profile.name),
             )
         elif nn.timeout != below:
-            near = f"{_ms(below)} or {_ms(below + TIMEOUT_UNIT)}"
-            report.error(
-                (*path, "timeout"),
-                f"is {format_time(nn.timeout)}, allowed are multiples of 10 ms, here {near}",
-            )
+            near = say("rule_or", below=_ms(below), above=_ms(below + TIMEOUT_UNIT))
+            report.error((*path, "timeout"), say("rule_multiples_10", timeout=asked, near=near))
     _check_contradictions(entry, member, report)
 
 
@@ -124,27 +129,22 @@ def _check_contradictions(entry: Entry[PlcIn], member: Member, report: Report) -
         if ("nn", KEYS_OF_DEVICES.get(device or "")) in entry.cut:
             continue
         if device in member.friendly and value & 0xFFFF != member.friendly[device]:
-            report.error(
-                (*member.path, "registers", name),
-                f"is {value}, but nn.{KEYS_OF_DEVICES[device]} makes it {member.friendly[device]}",
-            )
+            made = {"setting": KEYS_OF_DEVICES[device], "made": member.friendly[device]}
+            report.error((*member.path, "registers", name), say("rule_contradicts_nn", value=value, **made))
 
 
 def _check_short_levels(member: Member, report: Report) -> None:
     """Inputs of which the PLC sees next to nothing, since it looks once a scan."""
     for name, given in member.plc.inputs.items():
         if given.pulse is not None:
-            level, what = given.pulse.width, "stays on for"
+            level, what = given.pulse.width, "rule_on_for"
         elif given.square is not None:
-            level, what = given.square.period // 2, "stays on and off for"
+            level, what = given.square.period // 2, "rule_on_off_for"
         elif given.random is not None:
-            level, what = min(given.random.on, given.random.off), "stays on or off for a mean of"
+            level, what = min(given.random.on, given.random.off), "rule_on_or_off_for"
         else:
             continue
         if level * _FAR_SHORTER < member.plc.scan.mean:
-            report.warn(
-                (*member.path, "inputs", name),
-                f"{name} of {member.name} {what} {format_time(level)}, but is read once a scan, every "
-                f"{format_time(member.plc.scan.mean)}: almost none of its changes are seen",
-                key=True,
-            )
+            values = {"level": format_time(level), "scan": format_time(member.plc.scan.mean)}
+            text = say("rule_short_level", name=name, member=member.name, what=say(what), **values)
+            report.warn((*member.path, "inputs", name), text, key=True)

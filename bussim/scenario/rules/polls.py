@@ -18,7 +18,8 @@ from bussim.scenario.rules.responses import Responses
 from bussim.scenario.schema.draft import Entry, readable, values_of
 from bussim.scenario.schema.polls import PollIn, TransactionIn
 from bussim.scenario.yaml.source_map import Path, Report
-from bussim.wording import counted, suggest
+from bussim.words.language import say
+from bussim.words.values import suggest
 
 #: Keys of a Modbus poll only, and of a free-protocol one only.
 _MODBUS_KEYS = ("station", "function", "address", "from_", "values", "retries", "skip_after_failure")
@@ -69,13 +70,13 @@ def _config(
     if config is not None and (config.valid is None or config.given.protocol not in (None, config.protocol)):
         return None  # what is wrong with the port was said there
     if member.takes_part and poll.port == member.port:
-        what = "runs N:N"
+        what = say("rule_runs_link")
     elif config is not None and config.protocol is not None:
-        what = f"is {config.protocol}"
+        what = say("rule_is_protocol", protocol=config.protocol)
     else:
-        what = "has no protocol" if poll.port in member.plc.ports else "is not in ports"
-    near = f"; {suggest(poll.port, usable)}" if usable else ""
-    text = f"is {poll.port}, which {what}: only a Modbus master or a free port polls{near}"
+        what = say("rule_no_protocol") if poll.port in member.plc.ports else say("rule_not_in_ports")
+    near = say("form_hint", hint=suggest(poll.port, usable)) if usable else ""
+    text = say("rule_cannot_poll", port=poll.port, what=what, near=near)
     report.error((*entry.path, "port"), text)
     return None
 
@@ -91,7 +92,7 @@ def _check_poll(
     free = port.config.protocol == FREE
     for key in _MODBUS_KEYS if free else _FREE_KEYS:
         if getattr(poll, key) is not None:
-            text = f"has no meaning on {poll.port}, whose protocol is {port.config.protocol}"
+            text = say("rule_key_on_port", port=poll.port, protocol=port.config.protocol)
             report.error((*entry.path, key.rstrip("_")), text, key=True)
     if free:
         _check_free_data(entry, poll, port, report)
@@ -110,26 +111,25 @@ def _check_request(entry: Entry[TransactionIn], poll: TransactionIn, report: Rep
     before = len(report.errors)
     for key in ("station", "function", "address"):
         if getattr(poll, key) is None and not entry.lost(key):
-            report.error((*entry.path, key), "is missing")
+            report.error((*entry.path, key), say("form_missing"))
     function, count = poll.function, poll.quantity
     if function is None:
         return False
     limit = STANDARD_LIMITS.of(function)
     if not 1 <= count <= limit:
         at = "count" if poll.count is not None else "values"
-        has = f"is {count}" if at == "count" else f"has {counted(count, 'entry')}"
+        has = say("rule_is", found=count) if at == "count" else say("rule_entries", count=count)
         allowed = f"1..{limit}" if limit > 1 else "1"
-        report.error((*entry.path, at), f"{has}, allowed {allowed} (function {function})")
+        report.error(
+            (*entry.path, at), say("rule_count_allowed", has=has, allowed=allowed, function=function)
+        )
     elif poll.address is not None and poll.address + count > 0x10000:
         report.error(
             (*entry.path, "address"),
-            f"is {poll.address}, whose {count} items end at {poll.address + count - 1}, beyond 65535",
+            say("rule_beyond_65535", address=poll.address, count=count, last=poll.address + count - 1),
         )
     if poll.station == BROADCAST and function in READS:
-        report.error(
-            (*entry.path, "station"),
-            f"is 0, a broadcast, to which no station responds; function {function} reads",
-        )
+        report.error((*entry.path, "station"), say("rule_broadcast_reads", function=function))
     whole = all(getattr(poll, key) is not None for key in ("station", "address"))
     return whole and len(report.errors) == before and function in FUNCTIONS
 
@@ -142,18 +142,18 @@ def _check_values(entry: Entry[TransactionIn], poll: TransactionIn, report: Repo
     if poll.values is None:
         has_source = isinstance(poll, PollIn) and poll.from_ is not None
         if function not in READS and not has_source and not entry.lost("values", "from"):
-            either = "from or values" if isinstance(poll, PollIn) else "values"
-            report.error(entry.path, f"writes nothing; expected {either} (function {function})")
+            either = say("rule_from_or_values") if isinstance(poll, PollIn) else "values"
+            report.error(entry.path, say("rule_writes_nothing", either=either, function=function))
         return
     if function in READS:
-        report.error(path, f"has no meaning for function {function}, which reads", key=True)
+        report.error(path, say("rule_function_reads", function=function), key=True)
         return
     if len(poll.values) != poll.quantity:
-        report.error(path, f"has {counted(len(poll.values), 'entry')}, count is {poll.count}")
+        report.error(path, say("rule_values_count", values=len(poll.values), count=poll.count))
     if SPACES[function].is_bit:
         wrong = next((value for value in poll.values if value not in (0, 1)), None)
         if wrong is not None:
-            report.error(path, f"has {wrong}, allowed 0, 1 (coils)")
+            report.error(path, say("rule_coil_value", wrong=wrong))
 
 
 # -- where the data lie in a PLC's memory ------------------------------------------------------------------
@@ -166,14 +166,14 @@ def _check_operand(entry: Entry[TransactionIn], poll: PollIn, port: PolledPort, 
         return
     path, count, bits = (*entry.path, key), poll.quantity, SPACES[poll.function].is_bit
     if bits and device.letter not in _COIL_LETTERS:
-        allowed = f"allowed for coils are {', '.join(_COIL_LETTERS)} (function {poll.function})"
-        report.error(path, f"is {device}, {allowed}")
+        allowed = say("rule_coil_devices", letters=", ".join(_COIL_LETTERS), function=poll.function)
+        report.error(path, say("rule_is_comma", device=device, why=allowed))
     elif not bits and device.letter != "D":
-        report.error(path, f"is {device}, but function {poll.function} moves registers: D only")
+        report.error(path, say("rule_registers_d", device=device, function=poll.function))
     else:
         size = (count + 15) // 16 if bits and device.letter == "D" else count
-        what = _some(count, "coil" if bits else "register")
-        _check_span(path, device, size, what, port, report, writes=key == "to" or bool(poll.values))
+        what = "word_coil" if bits else "word_data_register"
+        _check_span(path, device, size, (count, what), port, report, writes=key == "to" or bool(poll.values))
 
 
 def _operand(entry: Entry[TransactionIn], poll: PollIn, report: Report) -> tuple[str, Device | None]:
@@ -181,46 +181,58 @@ def _operand(entry: Entry[TransactionIn], poll: PollIn, report: Report) -> tuple
     reads = poll.function in READS
     wrong = "from" if reads else "to"
     if getattr(poll, "from_" if reads else "to") is not None:
-        verb = "reads" if reads else "writes"
+        verb = say("rule_reads") if reads else say("rule_writes")
         report.error(
-            (*entry.path, wrong), f"has no meaning for function {poll.function}, which {verb}", key=True
+            (*entry.path, wrong), say("rule_function_which", function=poll.function, does=verb), key=True
         )
     if reads:
         if poll.to is None and not entry.lost("to"):
-            report.error((*entry.path, "to"), "is missing")
+            report.error((*entry.path, "to"), say("form_missing"))
         return "to", poll.to
     return "from", poll.from_
 
 
-def _some(count: int, what: str) -> str:
-    return f"1 {what}" if count == 1 else f"{count} {what}s"
+def _some(number: tuple[int, str]) -> str:
+    """So many of what a key names."""
+    count, what = number
+    return say("rule_one" if count == 1 else "rule_several", count=count, what=say(what))
 
 
 def _check_span(
-    path: Path, first: Device, size: int, what: str, port: PolledPort, report: Report, *, writes: bool
+    path: Path,
+    first: Device,
+    size: int,
+    number: tuple[int, str],
+    port: PolledPort,
+    report: Report,
+    *,
+    writes: bool,
 ) -> None:
     """Where the data end, and what they overwrite if the poll writes there."""
     ranges = WORD_RANGES["D"] if first.letter == "D" else BIT_RANGES[first.letter]
     end = first.address + size - 1
     last = next(last for low, last in ranges if low <= first.address <= last)
     if end > last:
-        report.error(path, f"is {first}; its {what} would end beyond {Device(first.letter, last)}")
+        report.error(
+            path, say("rule_end_beyond", first=first, what=_some(number), last=Device(first.letter, last))
+        )
         return
     if not writes:
         return
-    name, until = port.member.name, Device(first.letter, end)
-    span = f"{first} to {until}" if size > 1 else f"{first}"
+    until, wrong = Device(first.letter, end), []
     if first.letter in "DM" and end >= FIRST_SPECIAL:
-        report.warn(path, f"{name} writes {what} to {span}: devices from {first.letter}8000 on are special")
+        wrong.append(("rule_writes_special", first.letter))
     if any(_overlaps(first, end, bit, bits, word, words) for bit, bits, word, words in _blocks(port)):
-        report.warn(
-            path,
-            f"{name} writes {what} to {span}, into the shared block of another station: the link overwrites "
-            "them",
-        )
-    for config in port.member.ports:
-        if _overlaps(first, end, config.bits.address, cpavl.BITS, config.words.address, cpavl.WORDS):
-            report.warn(path, f"{name} writes {what} to {span}, over the parameters (CPAVL) of {config.name}")
+        wrong.append(("rule_writes_block", ""))
+    wrong += [
+        ("rule_writes_cpavl", config.name)
+        for config in port.member.ports
+        if _overlaps(first, end, config.bits.address, cpavl.BITS, config.words.address, cpavl.WORDS)
+    ]
+    for key, where in wrong:
+        span = say("rule_to", first=first, until=until) if size > 1 else f"{first}"
+        text = say(key, name=port.member.name, what=_some(number), span=span, where=where)
+        report.warn(path, text)
 
 
 def _blocks(port: PolledPort) -> list[tuple[int, int, int, int]]:
@@ -240,37 +252,34 @@ def _overlaps(first: Device, end: int, bit: int, bits: int, word: int, words: in
 def _check_free_data(entry: Entry[TransactionIn], poll: PollIn, port: PolledPort, report: Report) -> None:
     """Bytes lie in D, one or two a word."""
     if poll.data is not None and poll.text is not None:
-        report.error((*entry.path, "text"), "excludes data in the same entry")
+        report.error((*entry.path, "text"), say("rule_excludes_data"))
     data = poll.data or poll.text or b""
     send_count = poll.send_count if poll.send_count is not None else len(data)
     count = poll.count or 0
     if poll.count is not None and poll.count > 256:
-        report.error((*entry.path, "count"), f"is {poll.count}, allowed 0..256 bytes")
+        report.error((*entry.path, "count"), say("rule_count_bytes", count=poll.count))
         return
     if send_count < len(data):
         report.error(
-            (*entry.path, "send_count"), f"is {send_count}, fewer than the {counted(len(data), 'byte')} given"
+            (*entry.path, "send_count"), say("rule_fewer_bytes", send_count=send_count, data=len(data))
         )
     if not send_count and not count and not entry.lost("send_count", "count", "data", "text"):
-        report.error(entry.path, "neither sends nor receives; expected send_count, data, text or count")
+        report.error(entry.path, say("rule_neither"))
     settings = port.config.valid
     eight_bit = settings is not None and settings.eight_bit
     for key, device, size in (("send", poll.send, send_count), ("to", poll.to, count)):
         if device is None:
             if size and not entry.lost(key):
-                holds = "what is received goes into" if key == "to" else "what is sent lies in"
-                report.error((*entry.path, key), f"is missing, the first of the D registers that {holds}")
+                holds = say("rule_received_into") if key == "to" else say("rule_sent_from")
+                report.error((*entry.path, key), say("rule_missing_first", holds=holds))
         elif device.letter != "D":
-            report.error((*entry.path, key), f"is {device}, but bytes lie in D registers")
+            report.error((*entry.path, key), say("rule_bytes_in_d", device=device))
         elif size:
             words = size if eight_bit else (size + 1) // 2
-            path, what = (*entry.path, key), _some(size, "byte")
+            path, what = (*entry.path, key), (size, "word_byte")
             writes = key == "to" or bool(data)
             _check_span(path, device, words, what, port, report, writes=writes)
     timing = settings.timing if settings is not None else None
     if timing is not None and timing.format.data_bits == 7 and any(byte > 127 for byte in data):
         key = "data" if poll.data is not None else "text"
-        report.warn(
-            (*entry.path, key),
-            f"{port.config.node} sends 7 bits a character ({timing.format}): 80H on lose one",
-        )
+        report.warn((*entry.path, key), say("rule_7_bits", config=port.config.node, format=timing.format))

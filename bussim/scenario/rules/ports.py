@@ -1,6 +1,7 @@
 """What is wrong or odd about the ports of one PLC, the link's and the others."""
 
 from collections.abc import Mapping
+from typing import Any
 
 from bussim.engines.modbus.adu import Mode
 from bussim.errors import Problem
@@ -38,7 +39,8 @@ from bussim.scenario.schema.document import PlcIn, PortIn
 from bussim.scenario.schema.draft import Entry
 from bussim.scenario.yaml.source_map import Path, Report
 from bussim.units import format_time
-from bussim.wording import suggest
+from bussim.words.language import say
+from bussim.words.values import suggest
 
 ALL_PORTS = ("COM1", *CPAVL_PORTS)
 
@@ -62,11 +64,11 @@ def _check_member(entry: Entry[PlcIn], member: Member, lines: Mapping[str, Line]
     for name, port in member.plc.ports.items():
         path = (*member.path, "ports", name)
         if name not in ALL_PORTS:
-            report.error(path, f"is not a port; {suggest(name, CPAVL_PORTS)}", key=True)
+            report.error(path, say("rule_no_port", hint=suggest(name, CPAVL_PORTS)), key=True)
             continue
         if name == "COM1":
-            text = "serves programming and an HMI only: nothing can be set up on it"
-            report.error(path, f"{text}; allowed are {', '.join(CPAVL_PORTS)}", key=True)
+            text = say("rule_com1")
+            report.error(path, say("rule_allowed_are", text=text, ports=", ".join(CPAVL_PORTS)), key=True)
             continue
         line = lines.get(port.bus)
         if member.takes_part and name == member.port:
@@ -83,7 +85,7 @@ def _check_member(entry: Entry[PlcIn], member: Member, lines: Mapping[str, Line]
 def _check_link_bus(path: Path, line: Line | None, report: Report) -> None:
     """The bus of an N:N port must be one for N:N."""
     if line is not None and not line.is_link and not line.entry.lost("nn"):
-        report.error(path, f"is {line.name}, which is not an N:N link; give that bus nn: true")
+        report.error(path, say("rule_not_link", line=line.name))
 
 
 def _given(port: PortIn) -> list[str]:
@@ -93,34 +95,31 @@ def _given(port: PortIn) -> list[str]:
 def _check_link_port(path: Path, member: Member, port: PortIn, line: Line | None, report: Report) -> None:
     """The port that M8179 selects is the link's: it has a bus, and nothing else."""
     if member.plc.nn is not None and port.bus != member.plc.nn.bus:
-        report.error((*path, "bus"), f"is {port.bus}, but nn.bus is {member.plc.nn.bus}")
+        report.error((*path, "bus"), say("rule_nn_bus", bus=port.bus, other=member.plc.nn.bus))
     elif member.plc.nn is None:
         _check_link_bus((*path, "bus"), line, report)
     for key in _given(port):
-        where = f"{member.name} runs N:N on {member.port} (M8179 is {int(member.port == 'COM4')})"
-        value = f"is {port.protocol}, but" if key == "protocol" else "has no meaning:"
-        report.error((*path, key), f"{value} {where}, and a port does one thing")
+        where = say("rule_runs_on", member=member.name, port=member.port, selected=int(member.port == "COM4"))
+        value = (
+            say("rule_is_but_end", protocol=port.protocol)
+            if key == "protocol"
+            else say("rule_no_meaning_end")
+        )
+        report.error((*path, key), say("rule_one_thing", value=value, where=where))
 
 
 def _check_beside_link(path: Path, member: Member, port: PortIn, bus: Line, report: Report) -> None:
     """A port on an N:N bus that is not the one which takes part."""
     name = str(path[-1])
     if port.protocol is not None:
-        report.error(
-            (*path, "protocol"),
-            f"is {port.protocol}, but {bus.name} is an N:N link, on which nothing else can run",
-        )
+        report.error((*path, "protocol"), say("rule_beside_link", protocol=port.protocol, bus=bus.name))
     elif name in ("COM5", "COM6"):
-        report.error(
-            (*path, "bus"),
-            f"is {bus.name}, an N:N link; M8179 cannot select {name} (0: COM3, 1: COM4): "
-            "N:N runs on COM3 or COM4",
-        )
+        report.error((*path, "bus"), say("rule_cannot_select", bus=bus.name, name=name))
     elif name == "COM2" or port.cpavl is not None:
-        why = "which COM2 does not have" if name == "COM2" else "which CPAVL does not set up"
-        report.error((*path, "bus"), f"is {bus.name}, an N:N link, {why}: N:N runs on COM3 or COM4")
+        why = say("rule_com2_lacks") if name == "COM2" else say("rule_cpavl_not")
+        report.error((*path, "bus"), say("rule_link_elsewhere", bus=bus.name, why=why))
     elif member.takes_part:
-        report.warn(path, f"port {name} of {member.name} does nothing: M8179 selects {member.port}")
+        report.warn(path, say("rule_not_selected", name=name, member=member.name, selected=member.port))
 
 
 def _check_bare(
@@ -131,21 +130,19 @@ def _check_bare(
     if member.takes_part and name == member.port:
         return
     for key in _given(port):
-        report.error((*path, key), f"needs a protocol; allowed on {name}: {', '.join(protocols_of(name))}")
+        report.error(
+            (*path, key), say("rule_needs_protocol", name=name, protocols=", ".join(protocols_of(name)))
+        )
     if _given(port) or entry.lost("nn", "registers", "ports"):
         return
     if not member.takes_part and lost_settings(member):
         return  # which was said
     if not member.takes_part:
         program = member.logic.program
-        when = " in the first scan" if program is not None and link_writes(program) else ""
-        report.warn(
-            path,
-            f"{member.name} takes no part in N:N (no nn, and none of M8179, D8176 to D8180 set{when}) and "
-            f"{name} has no protocol: its port {name} does nothing",
-        )
+        when = say("rule_first_scan") if program is not None and link_writes(program) else ""
+        report.warn(path, say("rule_port_idle", member=member.name, when=when, name=name))
     elif line is None or not line.is_link:
-        report.warn(path, f"port {name} of {member.name} has no protocol: it does nothing")
+        report.warn(path, say("rule_port_no_protocol", name=name, member=member.name))
 
 
 def _check_config(
@@ -155,18 +152,18 @@ def _check_config(
     sure = not entry.lost("registers", "ports")
     before = len(report.errors)
     if config.words == RS_WORDS and (keys := _given(given)):
-        text = f"has no meaning: RS of {config.plc} drives {config.name}, as D8120 to D8129 and M8161 say"
-        report.error((*path, keys[0]), f"{text}; leave all keys but bus out", key=True)
+        text = say("rule_rs_drives", plc=config.plc, config=config.name)
+        report.error((*path, keys[0]), say("rule_only_bus", what=text), key=True)
         return
     if given.protocol is not None and given.protocol not in protocols_of(config.name):
         allowed = ", ".join(protocols_of(config.name))
-        report.error((*path, "protocol"), f"is {given.protocol}, which only COM2 has; allowed {allowed}")
+        report.error((*path, "protocol"), say("rule_only_com2", protocol=given.protocol, allowed=allowed))
         return
     _check_keys(config, given.protocol or (config.protocol if sure else None), report)
     _check_units(config, report)
     _check_contradictions(entry, config, report)
     if given.protocol in SLAVES and config.register("station") not in member.registers and sure:
-        report.error((*path, "station"), "is missing")
+        report.error((*path, "station"), say("form_missing"))
     if line is not None and not line.is_link and sure and not line.entry.lost("baud", "format"):
         _check_line(config, member, line, report)
     if sure and len(report.errors) == before:
@@ -196,18 +193,14 @@ def _check_settings(config: PortConfiguration, member: Member, report: Report) -
             report.warn(config.path, text)
     elif settings.protocol is None:
         word = config.register("protocol")
-        codes = ", ".join(f"{code:02X}H {name}" for name, code in PROTOCOL_CODES.items() if code)
+        codes = ", ".join(
+            say("rule_code", code=code, name=name) for name, code in PROTOCOL_CODES.items() if code
+        )
         report.warn(
-            config.path,
-            f"{word} of {config.plc} is 0: port {config.name} does nothing (give it a protocol, or {word} "
-            f"one of {codes})",
+            config.path, say("rule_word_zero", word=word, plc=config.plc, config=config.name, codes=codes)
         )
     elif settings.protocol == HMI:
-        report.warn(
-            config.path,
-            f"the monitoring protocol of an HMI is not simulated: {config.node} stays silent "
-            "(an HMI that speaks Modbus needs protocol: modbus-rtu-slave)",
-        )
+        report.warn(config.path, say("rule_hmi_silent", config=config.node))
 
 
 def _check_keys(config: PortConfiguration, protocol: str | None, report: Report) -> None:
@@ -219,7 +212,9 @@ def _check_keys(config: PortConfiguration, protocol: str | None, report: Report)
         if key in ("protocol", "cpavl") or key in allowed:
             continue
         report.error(
-            (*config.path, key), f"has no meaning for {protocol}, which has {', '.join(allowed)}", key=True
+            (*config.path, key),
+            say("rule_protocol_has", protocol=protocol, allowed=", ".join(allowed)),
+            key=True,
         )
 
 
@@ -231,18 +226,15 @@ def _check_units(config: PortConfiguration, report: Report) -> None:
             continue
         below = value - value % unit
         if value != below:
-            near = f"{format_time(below)} or {format_time(below + unit)}"
+            near = say("rule_or", below=format_time(below), above=format_time(below + unit))
             if key == "timeout" and not below:
                 near = format_time(unit)
             report.error(
                 (*config.path, key),
-                f"is {format_time(value)}, allowed are multiples of {format_time(unit)}, here {near}",
+                say("rule_multiples", value=format_time(value), unit=format_time(unit), near=near),
             )
     if config.given.interval == 0 and config.is_master:
-        report.warn(
-            (*config.path, "interval"),
-            f"interval of {config.node} is 0, which the PLC takes as 5 ms (CPAVL word +2)",
-        )
+        report.warn((*config.path, "interval"), say("rule_interval_0", config=config.node))
 
 
 def _check_contradictions(entry: Entry[PlcIn], config: PortConfiguration, report: Report) -> None:
@@ -255,7 +247,7 @@ def _check_contradictions(entry: Entry[PlcIn], config: PortConfiguration, report
         if value & 0xFFFF != friendly:
             report.error(
                 (*entry.path, "registers", name),
-                f"is {value}, but ports.{config.name}.{key} makes it {friendly} ({friendly:04X}H)",
+                say("rule_contradicts_port", value=value, port=config.name, setting=key, friendly=friendly),
             )
 
 
@@ -265,14 +257,20 @@ def _check_line(config: PortConfiguration, member: Member, bus: Line, report: Re
     own = own_line(given, line)
     if MODES.get(given.protocol or "") is Mode.RTU and own.format.data_bits != 8:
         word = config.register("format")
-        needs = "Modbus RTU needs 8 data bits"
+        needs = say("rule_rtu_bits")
         if given.format is not None:
-            report.error((*config.path, "format"), f"is {own.format}, but {needs}")
+            report.error((*config.path, "format"), say("rule_fixed", found=own.format, why=needs))
             return
         if member.registers.get(word) == format_word(own, eight_bit=False):
             report.error(
                 (*config.path, "protocol"),
-                f"is {given.protocol}, but the format of {bus.name} is {own.format}: {needs}",
+                say(
+                    "rule_protocol_format",
+                    protocol=given.protocol,
+                    bus=bus.name,
+                    own=own.format,
+                    why=needs,
+                ),
             )
             return
     timing = config.valid.timing if config.valid is not None and config.protocol is not None else line
@@ -286,20 +284,21 @@ def _check_positions(member: Member, report: Report) -> None:
         for config in (each for each in member.ports if each.words != RS_WORDS):
             first: Device = getattr(config, kind)
             wanted = "D" if kind == "words" else "M"
-            shown = f"is {first}, the first of {size} {kind}"
             last = FIRST_SPECIAL - 1 if kind == "words" else BIT_RANGES["M"][0][1]
-            wrong = []
+            wrong: list[dict[str, Any]] = []
             if first.letter != wanted or first.address + size - 1 > last:
-                wrong.append(f"{shown}; allowed {wanted}0..{Device(wanted, last - size + 1)}")
+                wrong.append({"letter": wanted, "last": Device(wanted, last - size + 1)})
             else:
-                wrong += [
-                    f"{shown}, which overlap those of {owner.name} ({other} on)"
-                    for other, owner in taken
-                    if abs(other.address - first.address) < size
-                ]
+                near = (pair for pair in taken if abs(pair[0].address - first.address) < size)
+                wrong += [{"owner": owner.name, "other": other} for other, owner in near]
                 taken.append((first, config))
-            for text in wrong:
-                if not _at_cpavl(config, member, f"the operand for {config.node} {text}", report, fatal=True):
+            for values in wrong:
+                shown = say("rule_first_of", first=first, size=size, kind=say(f"word_{kind}"))
+                text = say(
+                    "rule_overlap" if "owner" in values else "rule_first_allowed", shown=shown, **values
+                )
+                operand = say("rule_operand_for", config=config.node, what=text)
+                if not _at_cpavl(config, member, operand, report, fatal=True):
                     report.error((*config.path, "cpavl", kind), text)
 
 
@@ -329,6 +328,6 @@ def check_port_use(resolved: Resolved, report: Report) -> None:
         if node.member is not None and node.member.drives_ports:
             continue
         if config.is_master:
-            report.warn(config.path, f"{node.name} is a Modbus master without polls: it sends nothing")
+            report.warn(config.path, say("rule_no_polls", node=node.name))
         elif config.protocol == FREE:
-            report.warn(config.path, f"no poll drives {node.name}: it neither sends nor receives")
+            report.warn(config.path, say("rule_undriven", node=node.name))

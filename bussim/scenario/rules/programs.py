@@ -15,7 +15,8 @@ from bussim.scenario.resolve.members import KEYS_OF_DEVICES, Member
 from bussim.scenario.resolve.scenario import Resolved
 from bussim.scenario.rules.links import blocks_of, link_of
 from bussim.scenario.yaml.source_map import Report
-from bussim.wording import counted
+from bussim.words.language import say
+from bussim.words.tables import changed
 
 if TYPE_CHECKING:
     from bussim.plc.program.program import Program
@@ -47,17 +48,14 @@ def check_programs(resolved: Resolved, report: Report) -> None:
         _check_rungs(program, member, members, report)
         _check_unshared(program, member, members, beyond, report)
     if total > MAX_PROGRAMS:
-        report.mistake(
-            ("plcs",),
-            f"the programs of all PLCs have {total >> 10} KiB together, allowed {MAX_PROGRAMS >> 10} KiB",
-        )
+        report.mistake(("plcs",), say("rule_programs_total", total=total >> 10, most=MAX_PROGRAMS >> 10))
 
 
 def _warn_at(member: Member, at: Instruction, message: str, report: Report, *, in_runs: bool = True) -> None:
     origin = member.logic.origin
     if origin is not None:
-        named = _DEVICE.sub(lambda found: _named(found[0], member), message)
-        problem = Problem("", at.line, at.column, f"{member.name}: {named}")
+        named = changed(message, lambda text: _DEVICE.sub(lambda found: _named(found[0], member), text))
+        problem = Problem("", at.line, at.column, say("rule_of_plc", member=member.name, what=named))
         placed = origin.problem(report, problem, warning=True)
         report.add(placed, fatal=False)
         if not in_runs:
@@ -97,25 +95,23 @@ def _check_settings(member: Member, report: Report) -> None:
     name, friendly, raw = member.name, member.friendly, member.raw
     late = lost_settings(member)
     for at, device in late[:1]:
-        also = "".join(f"; also {other} at line {each.line}" for each, other in late[1:])
-        message = (
-            f"{at.name} writes {device}, but not under M8038 as the contact of the program's first step: "
-            f"profile {member.profile.name} does not take that over (assumed)"
-            f"{'' if member.takes_part else f', and {name} takes no part in the link'}{also}"
+        also = [say("rule_also", other=other, line=_line(each)) for each, other in late[1:]]
+        left = "" if member.takes_part else say("rule_left_out", name=name)
+        message = say(
+            "rule_not_at_step_0", at=at.name, device=device, profile=member.profile.name, left=left, also=also
         )
         _warn_at(member, at, message, report)
     for device, value in member.logic.first.link.items():
         if device in friendly and friendly[device] != value:
-            key = KEYS_OF_DEVICES[device]
+            key, made = KEYS_OF_DEVICES[device], friendly[device]
             report.warn(
                 (*member.path, "nn", key),
-                f"the program of {name} sets {device} to {value}: nn.{key}, which stands for "
-                f"{friendly[device]}, is lost",
+                say("rule_program_nn", name=name, device=device, value=value, setting=key, made=made),
             )
         elif device not in friendly and device in raw and raw[device] & 0xFFFF != value:
             report.warn(
                 (*member.path, "registers"),
-                f"the program of {name} sets {device} to {value}: the {raw[device]} of registers is lost",
+                say("rule_program_raw", name=name, device=device, value=value, given=raw[device]),
             )
 
 
@@ -134,7 +130,11 @@ def _check_specials(member: Member, report: Report) -> None:
         extent = Extent(letter, address, address, word=letter == "D", writes=True)
         found = not_simulated(extent, with_rs=with_rs, family=member.profile.family)
         for message in found if member.raw[name] else ():
-            report.warn((*member.path, "registers", name), f"{member.name}: {message}", key=True)
+            report.warn(
+                (*member.path, "registers", name),
+                say("rule_of_plc", member=member.name, what=message),
+                key=True,
+            )
 
 
 def _port(at: Instruction, member: Member) -> str | None:
@@ -157,20 +157,15 @@ def _check_ports(member: Member, report: Report) -> None:
         port = _port(at, member)
         if lacks and at.name in ("RS2", "CPAVL") and at.name not in reported:
             reported.add(at.name)
-            have = (
-                f"a PW10 has {at.name} for COM2–COM6 from firmware {first[0]}, {first[1]} on (D8001, D8101)"
-            )
-            lacking = f"profile {member.profile.name} with {d8001}, {d8101} lacks it"
-            _warn_at(member, at, f"{have}; {lacking}: it is simulated as if it were there", report)
-        does = f"sets {port} up" if at.spec.name == "CPAVL" else f"drives {port}"
+            have = say("rule_firmware", at=at.name, first=first[0], second=first[1])
+            lacking = say("rule_lacks", profile=member.profile.name, d8001=d8001, d8101=d8101)
+            _warn_at(member, at, say("rule_as_if", have=have, lacking=lacking), report)
+        does = "rule_sets_up" if at.spec.name == "CPAVL" else "rule_drives"
         if at.name == "RS" and member.takes_part and port == member.port and port not in reported:
-            _warn_at(member, at, f"RS {does}, which the link has: it does nothing", report)
+            _warn_at(member, at, say("rule_rs_on_link", does=say(does, port=port)), report)
             reported.add(f"{port}")
         if port not in (None, *member.plc.ports, *reported):
-            message = (
-                f"{at.name} {does}, but ports does not name its bus: it does nothing; "
-                f"write ports: {{{port}: {{bus: …}}}}"
-            )
+            message = say("rule_port_unnamed", at=at.name, does=say(does, port=port), port=port)
             _warn_at(member, at, message, report)
             reported.add(f"{port}")
     for config in member.ports:
@@ -179,11 +174,9 @@ def _check_ports(member: Member, report: Report) -> None:
             continue
         for key, (register, value) in config.explicit.items():
             if found.registers.get(register, 0) != value:
-                report.warn(
-                    (*config.path, key),
-                    f"the program of {member.name} sets {register} to {found.registers.get(register, 0)}: "
-                    f"ports.{config.name}.{key}, which makes it {value}, is lost",
-                )
+                sets = {"register": register, "found": found.registers.get(register, 0), "made": value}
+                text = say("rule_program_port", member=member.name, port=config.name, setting=key, **sets)
+                report.warn((*config.path, key), text)
 
 
 def _check_writes(member: Member, members: list[Member], report: Report) -> None:
@@ -206,15 +199,13 @@ def _check_writes(member: Member, members: list[Member], report: Report) -> None
     link = link_of(member, members)
     for at, (letter, first, last), station in found[:MAX_FOREIGN]:
         who = _station(station, link)
-        span = f"{Device(letter, first)}" + (f" to {Device(letter, last)}" if last > first else "")
-        message = (
-            f"{at.name} writes {span}, in the shared block of {who}: the link overwrites it with every "
-            "frame from there, and no other station sees it"
-        )
+        start, end = Device(letter, first), Device(letter, last)
+        span = say("rule_to", first=start, until=end) if last > first else f"{start}"
+        message = say("rule_foreign_block", at=at.name, span=span, who=who)
         _warn_at(member, at, message, report)
     if len(found) > MAX_FOREIGN:
         more = len(found) - MAX_FOREIGN
-        text = f"{counted(more, 'more write')} into blocks of other stations"
+        text = say("rule_more_writes", more=more)
         _warn_at(member, found[MAX_FOREIGN][0], text, report)
 
 
@@ -233,20 +224,19 @@ def _check_rungs(program: Program, member: Member, members: list[Member], report
         for at in outputs:
             port = at.operands[-1].text if at.name == "RS2" else _port(at, member) if at.name == "RS" else ""
             if port and (first := drives.setdefault((port, said), at)) is not at:
-                other = f"{first.name} at line {first.line}"
-                message = f"{at.name} drives port {port} while {other} does, which keeps it (assumed)"
+                other = say("rule_at_line", first=first.name, line=_line(first))
+                message = say("rule_port_driven", at=at.name, port=port, other=other)
                 _warn_at(member, at, message, report, in_runs=False)
     link, relays = link_of(member, members), _relays(program, rungs)
     for station, block in blocks_of(member, members).items():
         flag = Device("M", member.profile.devices.first_flag + station)
         found = _taken_while_away(rungs, flag, block, relays) if station != member.station else []
         for at, device in found[:1]:
-            also = "".join(f"; also at line {each.line}" for each, _ in found[1:5])
-            kept = "word" if device.is_word else "bit"
-            message = (
-                f"{at.name} takes {device} of {_station(station, link)} without its error flag {flag}: "
-                f"while that station is away the {kept} stays what it was{also}"
-            )
+            also = [say("rule_also_line", line=_line(each)) for each, _ in found[1:5]]
+            kept = say("word_word" if device.is_word else "word_bit")
+            who = _station(station, link)
+            taken = {"at": at.name, "device": device, "who": who, "flag": flag, "kept": kept}
+            message = say("rule_taken_away", **taken, also=also)
             _warn_at(member, at, message, report, in_runs=False)
 
 
@@ -339,7 +329,7 @@ def _check_unshared(
     touched = (
         [(at, each) for at in program.instructions for each in extents(at) if not each.word] if shared else []
     )
-    found: dict[Instruction, tuple[str, Device]] = {}
+    found: dict[Instruction, tuple[bool, Device]] = {}
     for at, extent in touched:
         parts = [part for blocks in larger for each in blocks.values() if (part := _shared(extent, each))]
         if not parts or any(_shared(extent, block) for block in shared.values()):
@@ -349,7 +339,7 @@ def _check_unshared(
             other.writes is not extent.writes and other.holds(*parts[0][:2], word=extent.word)
             for _, other in touched
         ):
-            found.setdefault(at, ("writes" if extent.writes else "takes", device))
+            found.setdefault(at, (extent.writes, device))
     link = link_of(member, members)
     for (station, number), uses in beyond[member.name].items():
         for other in link.values():
@@ -357,16 +347,22 @@ def _check_unshared(
             sender = member if True in uses else other
             if len(uses) == len(theirs) == 1 and uses.keys() != theirs.keys() and sender.station == station:
                 word = Device("D", member.profile.word_spacing * station + number)
-                found.setdefault(next(iter(uses.values())), ("writes" if True in uses else "takes", word))
-    for at, (does, device) in [*found.items()][:1]:
-        also = "".join(f"; also {other} at line {each.line}" for each, (_, other) in [*found.items()][1:5])
+                found.setdefault(next(iter(uses.values())), (True in uses, word))
+    for at, (writes, device) in [*found.items()][:1]:
+        also = [say("rule_also", other=other, line=_line(each)) for each, (_, other) in [*found.items()][1:5]]
         mode = link[0].settings[D_MODE]
-        text = f"{at.name} {does} {device}, which refresh mode {mode} does not share: it is not sent{also}"
+        does = say("rule_does_write" if writes else "rule_does_take")
+        text = say("rule_unshared", at=at.name, does=does, device=device, mode=mode, also=also)
         _warn_at(member, at, text, report, in_runs=False)
 
 
 def _station(number: int, link: Mapping[int, Member]) -> str:
     return f"station {number}" + (f" ({link[number].name})" if number in link else "")
+
+
+def _line(at: Instruction) -> str:
+    """Where an instruction stands, as :meth:`~bussim.scenario.resolve.plc_logic.Origin.problem` reads it."""
+    return f"at line {at.line}"
 
 
 def _shared(extent: Extent, block: BlockRange) -> tuple[str, int, int] | None:

@@ -18,6 +18,7 @@ from bussim.scenario.schema.polls import TransactionIn
 from bussim.scenario.yaml.source_map import Report
 from bussim.scenario.yaml.user_code import Code
 from bussim.units import format_ms, format_time
+from bussim.words.language import say
 
 
 class Responses:
@@ -44,15 +45,18 @@ class Responses:
             return
         if not asked:
             known = sorted({node.station for node in slaves if node.station is not None})
-            there = f"it has {', '.join(map(str, known))}" if known else "it has none"
-            self._report.warn(
-                path, f"{master.name} asks station {poll.station}, which is not on {master.bus} ({there})"
-            )
-        elif not understands:
+            there = say("rule_it_has", stations=", ".join(map(str, known))) if known else say("rule_has_none")
             self._report.warn(
                 path,
-                f"{master.name} asks station {poll.station} in {_name(master.mode)}, but {asked[0].name} "
-                f"speaks {_name(asked[0].mode)}",
+                say(
+                    "rule_asks_absent", master=master.name, station=poll.station, bus=master.bus, there=there
+                ),
+            )
+        elif not understands:
+            modes = {"mode": _name(master.mode), "spoken": _name(asked[0].mode)}
+            self._report.warn(
+                path,
+                say("rule_asks_mode", master=master.name, station=poll.station, asked=asked[0].name, **modes),
             )
         else:
             slave = understands[0]
@@ -60,7 +64,7 @@ class Responses:
             refusal = _refusal(poll, registers)
             if refusal is not None:
                 key, why, code = refusal
-                text = f"{slave.name} {why}: it responds with exception {code:02}"
+                text = say("rule_exception", slave=slave.name, why=why, code=code)
                 self._report.warn((*entry.path, key), text)
             self._check_time(entry, poll, master, slave, settings, timeout, refused=refusal is not None)
 
@@ -107,24 +111,24 @@ class Responses:
         request = Request(poll.function or 0, poll.address or 0, poll.quantity)
         least, most = _response_time(slave, settings, EXCEPTION_SIZE if refused else response_size(request))
         if least > timeout:
-            can = f"takes at least {format_ms(least)}: it never comes in time"
+            can = say("rule_takes_least", least=format_ms(least))
         elif most > timeout:
-            can = f"may take {format_ms(most)}: it can come too late"
+            can = say("rule_takes_most", most=format_ms(most))
         else:
             return
-        label = poll.name or f"function {poll.function} at {poll.address}"
+        limit = format_time(timeout)
+        label = poll.name or say("rule_function_at", function=poll.function, address=poll.address)
         self._report.warn(
             entry.path,
-            f"the timeout of {master.name} is {format_time(timeout)}, but the answer of {slave.name} to "
-            f"{label} {can}",
+            say("rule_timeout_poll", master=master.name, limit=limit, slave=slave.name, label=label, can=can),
         )
 
 
 _NAMES = {
-    Space.COILS: "coil",
-    Space.INPUTS: "input",
-    Space.INPUT_REGISTERS: "input register",
-    Space.HOLDING: "register",
+    Space.COILS: "word_coil",
+    Space.INPUTS: "word_input",
+    Space.INPUT_REGISTERS: "word_input_register",
+    Space.HOLDING: "word_register",
 }
 
 
@@ -133,21 +137,25 @@ def _refusal(poll: TransactionIn, registers: AreaMap) -> tuple[str, str, int] | 
     function, address, count = poll.function or 0, poll.address or 0, poll.quantity
     limit, space = registers.limits.of(function), SPACES[function]
     if function not in registers.functions:
-        return "function", f"does not have function {function}", 1
+        return "function", say("rule_lacks_function", function=function), 1
     if count > limit:
-        return "count", f"takes at most {limit} in function {function}", 3
-    name = _NAMES[space]
-    what = f"{name}s {address} to {address + count - 1}" if count > 1 else f"{name} {address}"
+        return "count", say("rule_most_in_function", limit=limit, function=function), 3
     parts = registers.parts(space, address, count)
     if parts is None:
-        return "address", f"does not have all of the {what}" if count > 1 else f"has no {what}", 2
+        key = "rule_not_all" if count > 1 else "rule_has_not"
+        return "address", say(key, what=_items(space, address, count)), 2
     if function not in READS and not all(part.area.writable for part in parts):
-        return "address", f"does not let {what} be written", 2
+        return "address", say("rule_not_written", what=_items(space, address, count)), 2
     return None
 
 
+def _items(space: Space, first: int, count: int) -> str:
+    key = "rule_items" if count > 1 else "rule_item"
+    return say(key, space=say(_NAMES[space]), first=first, last=first + count - 1)
+
+
 def _name(mode: Mode | None) -> str:
-    return f"Modbus {mode.value.upper()}" if mode is not None else "no Modbus"
+    return f"Modbus {mode.value.upper()}" if mode is not None else say("rule_no_modbus")
 
 
 def _longest_scan(member: Member | None) -> Scan:

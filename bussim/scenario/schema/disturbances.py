@@ -29,6 +29,7 @@ from bussim.forms.fields import (
 from bussim.forms.form import Model, OneKind, kinds_of
 from bussim.line.characters import NN_LINE, CharFormat
 from bussim.scenario.model import BitErrors, Burst, Impulse, NoiseKind, ReplyLoss
+from bussim.words.language import say
 
 #: Characters and bits of the link's longest frame, and of the longest one on any bus.
 LINK_FRAME = max(data_chars(mode) for mode in range(len(MODES)))
@@ -73,9 +74,9 @@ class ImpulseIn(Model):
     @model_validator(mode="after")
     def _fits(self) -> ImpulseIn:
         if self.width > self.every:
-            raise fail("must not be more than every", "width")
+            raise fail(say("form_not_above_every"), "width")
         if self.phase is not None and self.phase >= self.every:
-            raise fail("must be less than every", "phase")
+            raise fail(say("form_below_every"), "phase")
         return self
 
 
@@ -104,9 +105,9 @@ class NoiseIn(_NoiseWhere):
     @model_validator(mode="after")
     def _sided(self) -> NoiseIn:
         if self.direction is not None and self.station is None:
-            raise fail("needs a station", "direction")
+            raise fail(say("form_needs_station"), "direction")
         if self.direction is not None and self.reply_loss is not None:
-            raise fail("has no meaning for reply_loss: a lost reply is not sent", "direction")
+            raise fail(say("form_reply_loss"), "direction")
         return self
 
     @property
@@ -162,7 +163,7 @@ class WrongFormatIn(StationIn):
     @model_validator(mode="after")
     def _something(self) -> WrongFormatIn:
         if self.format is None and self.baud is None:
-            raise fail("is missing", "format")
+            raise fail(say("form_missing"), "format")
         return self
 
 
@@ -222,7 +223,7 @@ class FlipBitsIn(StationIn):
     @model_validator(mode="after")
     def _different(self) -> FlipBitsIn:
         if len(set(self.bits)) != len(self.bits):
-            raise fail("names a bit twice, which would leave it as it is", "bits")
+            raise fail(say("form_bit_twice"), "bits")
         return self
 
 
@@ -272,11 +273,11 @@ class FaultIn(_FaultWhen):
         if kind == "power_on":
             for key, field in _FaultWhen.model_fields.items():
                 if getattr(self, key) is not None:
-                    raise fail("has no meaning beside power_on, whose times are its own", field.alias or key)
+                    raise fail(say("form_beside_power_on"), field.alias or key)
         if self.count is not None and kind and kind not in COUNTED:
-            raise fail(f"has no meaning for {kind}; use for (count goes with {', '.join(COUNTED)})", "count")
+            raise fail(say("form_count_for", kind=kind, kinds=", ".join(COUNTED)), "count")
         if self.count is not None and self.for_ is not None:
-            raise fail("excludes for; give one of them", "count")
+            raise fail(say("form_excludes_for"), "count")
         return self
 
 

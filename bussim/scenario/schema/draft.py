@@ -30,7 +30,10 @@ from bussim.scenario.schema.document import (
 )
 from bussim.scenario.schema.programs import MAX_LATENCIES, LatencyIn
 from bussim.scenario.yaml.source_map import Path, Report
-from bussim.wording import counted, nearest, odd, show
+from bussim.wording import nearest
+from bussim.words.language import say
+from bussim.words.tables import recognised
+from bussim.words.values import odd, show
 
 if TYPE_CHECKING:
     from bussim.devices.forms import DeviceIn
@@ -119,7 +122,9 @@ def read_draft(data: object, report: Report) -> Draft:
     """Check the form of a whole scenario."""
     draft = Draft()
     if not isinstance(data, dict):
-        report.mistake((), f"a scenario is a mapping with {DocumentIn.example}; this is {show(data)}")
+        report.mistake(
+            (), say("form_scenario", example=recognised(DocumentIn.example, "example_"), found=show(data))
+        )
         return draft
     draft.document, _ = read_form(DocumentIn, data, (), report)
     top = draft.document or read_form(DocumentIn, {**data, **_TOP}, (), Report(report.source_map))[0]
@@ -129,7 +134,7 @@ def read_draft(data: object, report: Report) -> Draft:
     _check_buses_given(data, report)
     least = 0 if data.get("devices") else 1  # an HMI and its slaves need no PLC
     if least and "plcs" not in data:
-        report.error(("plcs",), "is missing")
+        report.error(("plcs",), say("form_missing"))
     draft.plcs = _section(lambda _: PlcIn, data, ("plcs",), (least, MAX_PLCS), report)
     if data.get("devices"):
         from bussim.devices.registry import form_of  # what only a scenario with devices pays
@@ -155,9 +160,11 @@ def _check_buses_given(data: dict[Any, Any], report: Report) -> None:
             key = next((key for key in keys if isinstance(entry, dict) and entry.get(key)), None)
             if key is not None:
                 path = (section, index, key)
-                found = "is empty" if "buses" in data else "is missing"
+                found = say("form_empty") if "buses" in data else say("form_missing")
                 who = report.source_map.full_name(path)
-                report.error(("buses",), f"{found}, but {who} {report.where(path)} needs one")
+                report.error(
+                    ("buses",), say("form_needs_one", found=found, who=who, where=report.where(path))
+                )
                 return
 
 
@@ -185,7 +192,7 @@ def _section(
         return []
     least, most = size
     if not least <= len(items) <= most:
-        report.error(path, f"has {counted(len(items), 'entry')}, allowed {least}..{most}")
+        report.error(path, say("form_entries_between", items=len(items), least=least, most=most))
         return []
     entries = []
     for index, item in enumerate(items):
@@ -285,37 +292,41 @@ def _explain(model: type[Model], detail: Any, path: Path, data: object, report: 
         shown = _existing(loc, data)
         # The name of a missing key is part of its message; a shorthand's invisible key is not.
         at = loc if context["at"] is not None and shown == loc[:-1] else shown
-        report.error((*path, *at), context["text"] + odd(detail["input"]))
+        report.error((*path, *at), say("form_and_hint", text=context["text"], hint=odd(detail["input"])))
     elif kind == "missing":
         shown = _existing(loc[:-1], data)
         if shown == loc[:-1]:
-            report.error((*path, *loc), "is missing")
+            report.error((*path, *loc), say("form_missing"))
         else:
-            report.error((*path, *shown), f"is {show(detail['input'])}, {loc[-1]} is missing")
+            report.error((*path, *shown), say("form_lacks", found=show(detail["input"]), missing=loc[-1]))
     elif kind == "extra_forbidden":
         _unknown(model, path, loc, report)
     elif kind in ("too_short", "too_long"):
         low, high = context.get("min_length"), context.get("max_length")
-        wanted = f"at least {low}" if kind == "too_short" else f"at most {high}"
-        report.error((*path, *loc), f"has {counted(context['actual_length'], 'entry')}, allowed {wanted}")
+        wanted = say("form_at_least", low=low) if kind == "too_short" else say("form_at_most", high=high)
+        report.error(
+            (*path, *loc), say("form_entries_allowed", entries=context["actual_length"], wanted=wanted)
+        )
     else:
-        found = "is empty" if detail["input"] is EMPTY else f"is {show(detail['input'])}"
-        expected = _expected(model, loc, kind) + odd(detail["input"])
-        report.error((*path, *_existing(loc, data)), f"{found}, expected {expected}")
+        found = say("form_empty") if detail["input"] is EMPTY else say("form_is", found=show(detail["input"]))
+        text = say("form_expected", found=found, expected=_expected(model, loc, kind))
+        report.error(
+            (*path, *_existing(loc, data)), say("form_and_hint", text=text, hint=odd(detail["input"]))
+        )
 
 
 def _expected(model: type[Model], loc: Path, kind: str) -> str:
     owner, example = _model_at(model, loc), _EXAMPLES.get(str(loc[-1]), "") if loc else ""
     if kind == "list_type":
         example = example or (owner.example if owner is not None else "")
-        return f"a list, each entry with a dash: - {example}" if example else "a list in brackets"
+        return say("form_list", example=example) if example else say("form_list_brackets")
     if kind == "string_type":
-        return "a text"
+        return say("form_text")
     if kind.startswith("model") and owner is not None and owner.example:
-        return owner.example
+        return recognised(owner.example, "example_")
     if not kind.startswith(("model", "dict")):
-        return "something else"
-    return f"a mapping such as {example}" if example else "a mapping"
+        return say("form_other")
+    return say("form_mapping_such", example=example) if example else say("form_mapping")
 
 
 def _unknown(model: type[Model], path: Path, loc: Path, report: Report) -> None:
@@ -326,15 +337,17 @@ def _unknown(model: type[Model], path: Path, loc: Path, report: Report) -> None:
     allowed = _keys_of(owner)
     elsewhere = [other for other in allowed if key in _keys_of(_model_at(model, (*loc[:-1], other)))]
     if elsewhere:
-        hint = f"it belongs into {elsewhere[0]}"
+        hint = say("form_belongs", key_of=elsewhere[0])
     elif path and key != "name" and key in _keys_of(DocumentIn):
-        hint = "it belongs to the top of the file, without indentation"
+        hint = say("form_belongs_top")
     else:
         near = nearest(key, allowed)
-        hint = f"did you mean {near}?" if near else ""
+        hint = say("form_mean", near=near) if near else ""
     # A part of the many keys of a large form would be of no help beside the one that is meant.
-    known = f"; allowed are {', '.join(allowed)}" if allowed and not (hint and len(allowed) > _MANY) else ""
-    report.unknown_key((*path, *loc), f"is not a key here{known}{'; ' if hint else ''}{hint}{odd(key)}")
+    helps = allowed and not (hint and len(allowed) > _MANY)
+    known = say("form_and_allowed", allowed=", ".join(allowed)) if helps else ""
+    hint = say("form_hint", hint=hint) if hint else ""
+    report.unknown_key((*path, *loc), say("form_no_key", known=known, hint=hint, more=odd(key)))
 
 
 def _keys_of(model: type[Model] | None) -> list[str]:

@@ -21,7 +21,9 @@ from bussim.plc.memory import DeviceRange, latched_problem
 from bussim.plc.profiles import PROFILES, Number, Profile, Ticks, Turnaround
 from bussim.plc.program.instruction_times import InstructionTimes
 from bussim.units import TICKS_PER_SECOND
-from bussim.wording import counted, show, suggest
+from bussim.wording import counted
+from bussim.words.language import say
+from bussim.words.values import show, suggest
 
 
 class TurnaroundIn(Model):
@@ -44,16 +46,16 @@ class TurnaroundIn(Model):
     def _one_form(self) -> TurnaroundIn:
         if self.values is not None:
             if self.mean is not None or self.jitter is not None:
-                raise fail("excludes mean and jitter", "values")
+                raise fail(say("form_excludes_mean"), "values")
             if self.weights is not None and len(self.weights) != len(self.values):
                 found = counted(len(self.weights), "entry")
-                raise fail(f"has {found}, values has {len(self.values)}", "weights")
+                raise fail(say("form_weights", found=found, values=len(self.values)), "weights")
         elif self.weights is not None:
-            raise fail("needs values", "weights")
+            raise fail(say("form_needs_values"), "weights")
         elif self.mean is None:
-            raise fail("is missing", "mean")
+            raise fail(say("form_missing"), "mean")
         elif self.jitter is not None and self.jitter > self.mean:
-            raise fail("must not be more than the mean", "jitter")
+            raise fail(say("form_not_above_mean"), "jitter")
         return self
 
 
@@ -84,7 +86,9 @@ class InstructionTimesIn(Model):
 
         for name in value if isinstance(value, dict) else ():
             if str(name).removesuffix(" off") not in SPECS:
-                raise fail(f"names {show(name)}, no instruction; {suggest(str(name), list(SPECS))}")
+                raise fail(
+                    say("form_names_no_instruction", name=show(name), hint=suggest(str(name), list(SPECS)))
+                )
         return value
 
 
@@ -149,7 +153,7 @@ class ProfileIn(_Fields):  # type: ignore[misc] # made above
     @model_validator(mode="after")
     def _measured_are_given(self) -> ProfileIn:
         for name in sorted({*(self.measured or ())} - {*self.given("base", "measured")}):
-            raise fail(f"names {show(name)}, a field that this profile does not give", "measured")
+            raise fail(say("form_names_no_field", name=show(name)), "measured")
         return self
 
     @model_validator(mode="after")
@@ -164,12 +168,12 @@ class ProfileIn(_Fields):  # type: ignore[misc] # made above
         base = PROFILES[self.base]
         low, high = self.timeout_range or base.timeout_range
         if low > high:
-            raise fail(f"is [{low}, {high}]; the first must not be more than the second", "timeout_range")
+            raise fail(say("form_first_above", low=low, high=high), "timeout_range")
         default = self.default_timeout or base.default_timeout
         if not low <= default <= high:
             if self.default_timeout is not None:
-                raise fail(f"is {default}, allowed {low}..{high}", "default_timeout")
-            raise fail(f"is [{low}, {high}], which leaves out the default timeout {default}", "timeout_range")
+                raise fail(say("form_between", value=default, least=low, most=high), "default_timeout")
+            raise fail(say("form_leaves_default", low=low, high=high, default=default), "timeout_range")
         return self
 
     @model_validator(mode="after")
@@ -179,5 +183,5 @@ class ProfileIn(_Fields):  # type: ignore[misc] # made above
         words = max(MODES[mode].words for mode in self.modes or base.modes)
         if words > spacing:
             at = "word_spacing" if self.word_spacing is not None else "modes"
-            raise fail(f"lets the stations' blocks of {words} words overlap: they are {spacing} apart", at)
+            raise fail(say("form_blocks_overlap", words=words, spacing=spacing), at)
         return self

@@ -10,7 +10,8 @@ from pydantic import Field, model_validator
 from bussim.forms.fields import FileName, Flag, Name, PlcDevice, Positive, Time, choice, fail, time, whole
 from bussim.forms.form import Model, OneKind
 from bussim.scenario.yaml.input_table import MAX_TIMES
-from bussim.wording import show
+from bussim.words.language import say
+from bussim.words.values import show
 
 #: How many devices a scenario may observe, and how many latencies it may measure.
 MAX_OBSERVED, MAX_LATENCIES = 1000, 100
@@ -45,7 +46,7 @@ class ProgramIn(OneKind):
             return {"text": value}
         if value.casefold().endswith(PROGRAM_ENDINGS):
             return {"file": value}
-        raise fail(f"is {show(value)}, expected {cls.example}; another file name needs {{file: …}}")
+        raise fail(say("form_program", found=show(value), expected=cls.example))
 
 
 class PulseIn(Model):
@@ -61,9 +62,9 @@ class PulseIn(Model):
     @model_validator(mode="after")
     def _pulses_are_apart(self) -> PulseIn:
         if self.every is not None and self.every <= self.width:
-            raise fail("must be more than width", "every")
+            raise fail(say("form_above_width"), "every")
         if self.times is not None and self.every is None:
-            raise fail("needs every", "times")
+            raise fail(say("form_needs_every"), "times")
         return self
 
 
@@ -109,7 +110,7 @@ class InputIn(OneKind):
         times = self.times or []
         for earlier, later in pairwise(times):
             if later <= earlier:
-                raise fail("must rise: each change is later than the one before", "times")
+                raise fail(say("form_rise"), "times")
         return self
 
 

@@ -11,6 +11,7 @@ from bussim.scenario.yaml.overrides import Override, apply_overrides
 from bussim.scenario.yaml.parser import read
 from bussim.scenario.yaml.plain import copied
 from bussim.scenario.yaml.source_map import SourceMap
+from bussim.words.language import say
 
 if TYPE_CHECKING:
     from yaml import MappingNode, Node, SequenceNode
@@ -36,7 +37,7 @@ def edit(text: str, changes: Mapping[str, object]) -> str:
 
 
 def _edited(text: str, path: str, value: object) -> str:
-    label = f"changing {path}"
+    label = say("edit_changing", path=path)
     data, source_map = _read(text)
     before = copied(data, label)
     override = Override(path, dumped_inline(copied(value, label)), label)
@@ -53,17 +54,14 @@ def _edited(text: str, path: str, value: object) -> str:
     # Not every way of writing YAML is known here (anchors, merged keys): what came out is read.
     said, _, problems = read(changed, label)
     if problems or not _same(said, after):
-        raise UsageError(
-            f"{label}: it cannot be changed by itself, as others use it or as it is written; change the text "
-            "by hand"
-        )
+        raise UsageError(say("edit_by_hand", label=label))
     return changed
 
 
 def _read(text: str) -> tuple[object, SourceMap]:
     data, source_map, problems = read(text, "<text>")
     if not problems and not isinstance(data, dict):
-        problems = [Problem("<text>", 1, 1, "holds no keys; a scenario begins with schema: 1")]
+        problems = [Problem("<text>", 1, 1, say("file_no_keys"))]
     if problems:
         raise ScenarioError(problems)
     return data, source_map

@@ -10,6 +10,8 @@ from pathlib import Path
 from bussim.files import kind_of
 from bussim.scenario import builtin
 from bussim.wording import CODINGS, nearest, shorten
+from bussim.words.language import say
+from bussim.words.tables import recognised
 
 #: Names of a folder that are searched for the one that was meant.
 _MOST_NAMES = 2000
@@ -76,15 +78,15 @@ class Files:
             return self.texts[name]
         raw = self._raw(name, most)
         if coded and raw.startswith(_PROJECTS):
-            what = "which is a tool's project, no text; export the program (or its comments) as CSV or text"
-            raise ValueError(f"is {shorten(name)}, {what}")
+            what = say("file_project")
+            raise ValueError(say("file_is", name=shorten(name), what=what))
         if len(raw) > most:
-            raise ValueError(f"is {shorten(name)}, which has more than {most >> 10} KiB")
+            raise ValueError(say("file_too_large", name=shorten(name), most=most >> 10))
         coding = _coding(raw) if coded else "UTF-8"
         try:
             text = raw.decode(_CODECS[coding])
         except UnicodeDecodeError as error:
-            raise ValueError(f"is {shorten(name)}, {_encoding(raw, error.start)}") from None
+            raise ValueError(say("file_is", name=shorten(name), what=_encoding(raw, error.start))) from None
         self.texts[name] = text
         self.codings[name] = "GBK" if coding == "GB 2312" else coding  # which holds all of it
         return text
@@ -93,12 +95,14 @@ class Files:
         """What is in a file, no more than a byte above ``most``; raises as :meth:`read`."""
         path = self._find(name)
         if path is None:
-            raise ValueError(f"is {shorten(name)}, {self._why_not(name)}")
+            raise ValueError(say("file_is", name=shorten(name), what=self._why_not(name)))
         try:
             with path.open("rb") as file:
                 return file.read(most + 1)
         except OSError as error:
-            raise ValueError(f"is {shorten(name)}, which cannot be read: {error.strerror or error}") from None
+            raise ValueError(
+                say("file_unreadable", name=shorten(name), strerror=error.strerror or error)
+            ) from None
 
     def _find(self, name: str) -> Path | None:
         candidates = [(self._folder or Path()) / name]
@@ -111,20 +115,20 @@ class Files:
 
     def _why_not(self, name: str) -> str:
         """Why a name is no file that can be read."""
-        where = "here" if self._folder is None else "beside the scenario"
+        where = say("file_here") if self._folder is None else say("file_beside")
         path = (self._folder or Path()) / name
         try:
             mode = path.stat().st_mode
         except OSError as error:
             if error.errno == errno.ELOOP:
-                return "a symbolic link that leads back to itself"
+                return say("file_link_back")
             if path.is_symlink():
-                return f"a symbolic link to {shorten(str(path.readlink()))}, which does not exist"
+                return say("file_link_lost", path=shorten(str(path.readlink())))
             near = self._nearest(path)
-            return f"but there is no such file {where}" + (f"; did you mean {near}?" if near else "")
+            return say("file_missing", where=where) + (say("form_meant", meant=near) if near else "")
         except ValueError:  # a NUL in the name
-            return f"but there is no such file {where}"
-        return f"which is {kind_of(mode)}; expected a file of text"
+            return say("file_missing", where=where)
+        return say("file_kind", kind=recognised(kind_of(mode), "file_kind_of_"))
 
     def _nearest(self, path: Path) -> str | None:
         """The file in the same folder with the nearest name, of the same kind."""
@@ -159,7 +163,7 @@ class GivenFiles(Files):
 
     def _why_not(self, name: str) -> str:
         near = nearest(name, [*self._given, *(entry.name for entry in _programs().iterdir())])
-        return "which was not given with the scenario" + (f"; did you mean {near}?" if near else "")
+        return say("file_not_given") + (say("form_meant", meant=near) if near else "")
 
 
 def _programs() -> Path:
@@ -170,10 +174,7 @@ def _programs() -> Path:
 def _encoding(raw: bytes, position: int) -> str:
     """How bytes that are no UTF-8 are reported: where the first one is, and what to do."""
     if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return "which is UTF-16 text; save it as UTF-8"
+        return say("file_utf16")
     before = raw[:position].replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     line = before.count(b"\n") + 1
-    return (
-        f"which is no UTF-8 text (line {line} has the byte 0x{raw[position]:02X}); save it as UTF-8, "
-        f"it may be in {CODINGS}"
-    )
+    return say("file_no_utf8", line=line, byte=raw[position], codings=CODINGS)

@@ -11,7 +11,8 @@ from fractions import Fraction
 from bussim.errors import Problem
 from bussim.scenario.yaml.source_map import Path, Report
 from bussim.units import TICKS_PER_SECOND, round_half_up
-from bussim.wording import show
+from bussim.words.language import say
+from bussim.words.values import show
 
 _SECONDS = re.compile(r"[+]?([0-9]{1,9}(\.[0-9]{0,12})?|\.[0-9]{1,12})([eE][+-]?[0-9]{1,2})?", re.ASCII)
 #: Changes that a table may have, or ``times`` in a scenario.
@@ -78,7 +79,7 @@ class _Table:
             return
         tick = self._tick(number, cells[0])
         if len(cells) == 2 and cells[1] not in ("0", "1"):
-            self._wrong(number, f"the level is {show(cells[1]) if cells[1] else 'empty'}, allowed 0, 1")
+            self._wrong(number, say("table_level", found=show(cells[1]) if cells[1] else say("table_empty")))
             return
         if tick is None:
             return
@@ -89,7 +90,7 @@ class _Table:
         self._level = level
         self.full = len(self.changes) == MAX_TIMES
         if self.full:
-            self._wrong(number, f"more than {MAX_TIMES} changes")
+            self._wrong(number, say("table_changes", max_times=MAX_TIMES))
         else:
             self.changes.append(tick)
 
@@ -98,10 +99,10 @@ class _Table:
         if self.changes:
             return []
         if not self.columns:
-            return [(1, "has no times: nothing but empty lines and comments")]
+            return [(1, say("table_no_times"))]
         if self._last is None:
-            return [(self._first, "has no times: nothing follows the heading")]
-        return [(self._first, "has no changes: the level is 0 in every row, as it is before the first")]
+            return [(self._first, say("table_only_heading"))]
+        return [(self._first, say("table_no_changes"))]
 
     def _wrong(self, number: int, message: str) -> None:
         self.problems.append((number, message))
@@ -109,24 +110,26 @@ class _Table:
     def _misshapen(self, number: int, cells: list[str]) -> bool:
         """A wrong number of columns."""
         if len(cells) > 2:
-            self._wrong(number, f"has {len(cells)} columns, allowed are a time and a level (0 or 1)")
+            self._wrong(number, say("table_columns", cells=len(cells)))
         elif len(cells) != self.columns and self.columns <= 2:
-            one, other = ("a level", "without") if len(cells) == 2 else ("no level", "with")
-            self._wrong(number, f"has {one}, but line {self._first} is {other} one")
+            one, other = (
+                (say("table_a_level"), "without") if len(cells) == 2 else (say("table_a_no_level"), "with")
+            )
+            self._wrong(number, say("table_differs", one=one, first=self._first, other=other))
         else:
             return False
         return True
 
     def _tick(self, number: int, cell: str) -> int | None:
         if not cell:
-            self._wrong(number, "the time is empty, expected seconds such as 1.25")
+            self._wrong(number, say("table_time_empty"))
         elif _SECONDS.fullmatch(cell) is None:
             point = cell.replace(",", ".")
-            hint = f"; write {point}" if point != cell and _SECONDS.fullmatch(point) else ""
-            self._wrong(number, f"is {show(cell)}, expected a time in seconds such as 1.25{hint}")
+            hint = say("table_write", point=point) if point != cell and _SECONDS.fullmatch(point) else ""
+            self._wrong(number, say("table_time", cell=show(cell), hint=hint))
         else:
             tick = round_half_up(Fraction(cell) * TICKS_PER_SECOND)
             if self._last is None or tick > self._last:
                 return tick
-            self._wrong(number, f"{cell} s is not later than the time before; times must rise")
+            self._wrong(number, say("table_later", cell=cell))
         return None

@@ -9,7 +9,9 @@ from typing import Any
 from bussim.errors import UsageError
 from bussim.scenario.yaml.parser import MAX_DEPTH, read
 from bussim.scenario.yaml.source_map import Path, SourceMap
-from bussim.wording import shorten, show, suggest
+from bussim.wording import shorten
+from bussim.words.language import say
+from bussim.words.values import show, suggest
 
 #: Keys whose plain value stands for a mapping, and the key that it stands for.
 _SHORTHANDS = {
@@ -35,9 +37,7 @@ class Override:
         """``plcs.press1.nn.retries=2``. Raises UsageError for a text without a key and an =."""
         key, equals, value = text.partition("=")
         if not equals or not key.strip():
-            raise UsageError(
-                f"--set {shorten(text)}: expected key.path=value, such as plcs.press1.nn.retries=2"
-            )
+            raise UsageError(say("edit_expected", text=shorten(text)))
         return cls(key.strip(), value, f"--set {shorten(text)}")
 
 
@@ -60,7 +60,7 @@ def _apply(data: object, source_map: SourceMap, override: Override) -> object:
     if not isinstance(data, dict):
         return data  # not a scenario anyway, which the schema will say
     if len(parts) > MAX_DEPTH:
-        raise UsageError(f"{override.label}: {len(parts)} keys deep, allowed {MAX_DEPTH}")
+        raise UsageError(say("edit_deep", label=override.label, parts=len(parts), max_depth=MAX_DEPTH))
     node: Any = data
     path: Path = ()
     made: Path | None = None  # the first key on the way that was not there
@@ -89,7 +89,7 @@ def _apply(data: object, source_map: SourceMap, override: Override) -> object:
 def _value(override: Override) -> object:
     value, _, problems = read(override.value, override.label)
     if problems:
-        raise UsageError(f"{override.label}: {problems[0].message}")
+        raise UsageError(say("edit_problem", label=override.label, what=problems[0].message))
     return value
 
 
@@ -102,9 +102,10 @@ def _position(node: list[object], part: str, path: Path, source_map: SourceMap, 
         return int(part[:9])
     where = source_map.full_name(path)
     if known:
-        raise UsageError(f"{override.label}: {where} has no {shorten(part)}; {suggest(part, known)}")
-    count = f"allowed 0..{len(node) - 1}" if node else "it is empty"
-    raise UsageError(f"{override.label}: {where} has no entry {shorten(part)}; {count}")
+        values = {"label": override.label, "where": where, "part": shorten(part)}
+        raise UsageError(say("edit_has_no", **values, hint=suggest(part, known)))
+    count = say("edit_allowed", last=len(node) - 1) if node else say("edit_empty")
+    raise UsageError(say("edit_no_entry", label=override.label, where=where, part=shorten(part), count=count))
 
 
 def _entered(
@@ -121,7 +122,7 @@ def _entered(
         node[step] = {shorthand: inner}
     else:
         raise UsageError(
-            f"{override.label}: {source_map.full_name(path)} is {show(inner)}, which has no keys of its own"
+            say("edit_no_keys", label=override.label, path=source_map.full_name(path), found=show(inner))
         )
     return node[step]
 

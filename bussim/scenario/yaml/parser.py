@@ -18,6 +18,8 @@ from bussim.errors import Problem
 from bussim.scenario.yaml.repair import LINE_END, Mark, Mended, Trouble
 from bussim.scenario.yaml.source_map import Path, SourceMap
 from bussim.wording import CODINGS, RawFloat, RawInt, shorten
+from bussim.words.language import say
+from bussim.words.tables import recognised
 
 if TYPE_CHECKING:
     from yaml.events import Event, ScalarEvent
@@ -26,6 +28,8 @@ if TYPE_CHECKING:
 MAX_BYTES = 1 << 19
 MAX_DEPTH = 30
 MAX_VALUES = 50_000
+#: Longest complaint of the library that is repeated whole.
+_MOST_SAID = 200
 #: Digits that a number may have.
 _MAX_DIGITS = 100
 
@@ -84,19 +88,19 @@ class _Node:
 def _text(source: bytes | str, file: str) -> str:
     """The text of a file: UTF-8, with or without a byte order mark."""
     if len(source) > MAX_BYTES:
-        raise _Stop(Problem(file, 0, 0, f"is larger than {MAX_BYTES >> 10} KiB, too much for a scenario"))
+        raise _Stop(Problem(file, 0, 0, say("yaml_large", most=MAX_BYTES >> 10)))
     if isinstance(source, str):
         return source.removeprefix("\ufeff")
     raw = source
     if raw.startswith((b"\xff\xfe", b"\xfe\xff")) or raw[:8].count(0) > 2:
-        raise _Stop(Problem(file, 1, 1, "is UTF-16 text; save the file as UTF-8"))
+        raise _Stop(Problem(file, 1, 1, say("yaml_utf16")))
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         before = raw[: error.start].decode("utf-8-sig", errors="replace")
         line, column = _mark_at(before, len(before))
         byte = raw[error.start]
-        message = f"the byte 0x{byte:02X} is not UTF-8 text; save the file as UTF-8 (is it in {CODINGS}?)"
+        message = say("yaml_no_utf8", byte=byte, codings=CODINGS)
         raise _Stop(Problem(file, line, column, message)) from None
 
 
@@ -162,7 +166,7 @@ def _events(text: str, file: str) -> Iterator[Event]:
     strange = _UNPRINTABLE.search(text)
     if strange is not None:
         line, column = _mark_at(text, strange.start())
-        message = f"the character U+{ord(strange.group()):04X} does not belong in text; is it a binary file?"
+        message = say("yaml_character", code=ord(strange.group()))
         raise _Stop(Problem(file, line, column, message))
 
     import yaml
@@ -182,11 +186,11 @@ def _events(text: str, file: str) -> Iterator[Event]:
         begun, mark = error.context_mark or error.problem_mark, error.problem_mark or error.context_mark
         if str(error.context).startswith("while scanning a") or "<stream end>" in str(error.problem):
             mark = begun  # what is begun so is what cannot be read; it may go on for lines
-        raise Trouble(_mark(mark), f"is not YAML: {_complaint(error)}", _mark(begun)) from None
+        raise Trouble(_mark(mark), say("yaml_not", complaint=_complaint(error)), _mark(begun)) from None
     except (_Stop, Trouble):
         raise
     except Exception as error:  # the parser has more ways to fail on garbage than it documents
-        raise _Stop(Problem(file, 0, 0, f"is not YAML ({type(error).__name__})")) from None
+        raise _Stop(Problem(file, 0, 0, say("yaml_not_why", name=type(error).__name__))) from None
 
 
 def _mark(mark: Any) -> Mark:
@@ -194,12 +198,14 @@ def _mark(mark: Any) -> Mark:
 
 
 def _complaint(error: object) -> str:
-    problem = str(getattr(error, "problem", None) or "cannot be read")
-    if "'\\t'" in problem:
-        return "a tab where YAML wants spaces"
-    context = getattr(error, "context", None)
-    text = f"{context}, {problem}" if context else problem
-    return " ".join(text.split())[:200]
+    found = (getattr(error, name, None) for name in ("context", "problem"))
+    parts = [" ".join(str(part).split()) for part in found if part] or [say("yaml_unreadable")]
+    if "'\\t'" in parts[-1]:
+        return say("yaml_tab")
+    text = ", ".join(parts)
+    if len(text) > _MOST_SAID:
+        return text[:_MOST_SAID]
+    return say("yaml_says", parts=[recognised(part, "yaml_says_") for part in parts])
 
 
 class _Reader:
@@ -223,7 +229,7 @@ class _Reader:
         for event in self._events:
             if isinstance(event, DocumentStartEvent):
                 if root is not None:
-                    message = "a second document begins here; a scenario is one document"
+                    message = say("yaml_second")
                     raise self._stop(self._mark(event), message)
                 root = self._node(next(self._events, None), ())
         return root
@@ -236,13 +242,13 @@ class _Reader:
             event, "anchor"
         ):  # it begins no value, where the parsers disagree on what comes before a mistake
             at = (1, 1) if event is None else _mark(event.start_mark)
-            raise Trouble(at, "is not YAML: a value is missing", at)
+            raise Trouble(at, say("yaml_value_missing"), at)
         mark = self._mark(event)
         if isinstance(event, AliasEvent):
             return self._alias(str(event.anchor), mark, path)
         if event.tag is not None:
             shown = shorten(str(event.tag).replace("tag:yaml.org,2002:", "!!"))
-            self._complain(mark, f"the tag {shown} is not allowed; write plain text and numbers")
+            self._complain(mark, say("yaml_tag", shown=shown))
         self._add(mark, 1)
         if isinstance(event, ScalarEvent):
             node = self._scalar(event, mark, path)
@@ -267,19 +273,19 @@ class _Reader:
     def _add(self, mark: Mark, count: int) -> None:
         self._count += count
         if self._count > MAX_VALUES:
-            message = f"more than {MAX_VALUES} keys and values, aliases expanded; too much for a scenario"
+            message = say("yaml_many_expanded", max_values=MAX_VALUES)
             raise self._stop(mark, message)
 
     def _check_depth(self, mark: Mark, path: Path, height: int) -> None:
         if len(path) + height > MAX_DEPTH:
-            raise self._stop(mark, f"nested deeper than {MAX_DEPTH} levels")
+            raise self._stop(mark, say("yaml_nested", max_depth=MAX_DEPTH))
 
     def _alias(self, name: str, mark: Mark, path: Path) -> _Node:
         if name not in self._anchors:
-            raise self._stop(mark, f"the alias *{shorten(name)} has no anchor &{shorten(name)} before it")
+            raise self._stop(mark, say("yaml_no_anchor", name=shorten(name)))
         node = self._anchors[name]
         if node is None:
-            raise self._stop(mark, f"the alias *{shorten(name)} stands inside its own anchor")
+            raise self._stop(mark, say("yaml_own_anchor", name=shorten(name)))
         self._add(mark, node.size)
         self._check_depth(mark, path, node.height)
         return node
@@ -289,11 +295,11 @@ class _Reader:
         node = _Node(mark, text, text)
         if not event.style:
             if not path and _KEY_IN_TEXT.match(text):
-                raise Trouble(_mark(event.start_mark), "is not YAML: a text, expected keys", (1, 1))
+                raise Trouble(_mark(event.start_mark), say("yaml_text"), (1, 1))
             try:
                 node.scalar = core_scalar(text)
             except ValueError as error:
-                self._complain(mark, str(error))
+                self._complain(mark, error.args[0])
         elif event.style == "|":
             node.block = self._block(_mark(event.start_mark)[0], text)
         return node
@@ -320,22 +326,22 @@ class _Reader:
         for event in self._parts():
             key = self._node(event, (*path, ""))
             if key.text is None:
-                self._complain(key.mark, "a key must be text, not a list or mapping")
+                self._complain(key.mark, say("yaml_key_text"))
             plain = not getattr(event, "style", ">")
             node = self._node(next(self._events, None), (*path, key.text or ""))
             if node.text == "":
                 node.mark = key.mark  # of nothing, the parser's position is that of whatever comes next
                 if self._flow and plain and not _BARE_KEY.fullmatch(key.text or ""):
-                    message = f"{shorten(key.text or '')} is a key without a value"
+                    message = say("yaml_bare_key", name=shorten(key.text or ""))
                     raise Trouble(_mark(event.start_mark), message, _mark(event.start_mark))
             if key.text == "<<" and plain:
                 sources = [node] if node.items is None else node.items
                 if any(source.entries is None for source in sources):
-                    self._complain(node.mark, "<< takes a mapping or a list of mappings")
+                    self._complain(node.mark, say("yaml_merge"))
                 merged += sources
             elif key.text in entries:
                 name = SourceMap(self._file).short_name((*path, key.text))
-                message = f"{name} is given twice, first in line {entries[key.text][0][0]}"
+                message = say("yaml_twice", name=name, line=entries[key.text][0][0])
                 if not self._flow and path and isinstance(path[-1], int) and key.text == next(iter(entries)):
                     raise Trouble(_mark(event.start_mark), message, _mark(event.start_mark))
                 self._complain(key.mark, message)
@@ -352,7 +358,7 @@ def core_scalar(text: str) -> Scalar:
         return _WORDS[text]
     if len(text) > _MAX_DIGITS:
         if _FLOAT.fullmatch(text) or _HEX.fullmatch(text) or _OCTAL.fullmatch(text):
-            raise ValueError(f"a number of more than {_MAX_DIGITS} digits")
+            raise ValueError(say("yaml_digits", max_digits=_MAX_DIGITS))
         return text
     if _INT.fullmatch(text):
         return RawInt(int(text), text)

@@ -6,7 +6,8 @@ from numbers import Integral, Real
 from bussim.errors import Problem, ScenarioError
 from bussim.scenario.yaml.parser import MAX_DEPTH, MAX_VALUES
 from bussim.scenario.yaml.source_map import Path, SourceMap
-from bussim.wording import show
+from bussim.words.language import say
+from bussim.words.values import show
 
 
 def copied(data: object, file: str) -> object:
@@ -27,16 +28,16 @@ def copied(data: object, file: str) -> object:
         nonlocal count
         count += 1
         if count > MAX_VALUES:
-            raise fail((), f"more than {MAX_VALUES} keys and values; too much for a scenario")
+            raise fail((), say("yaml_many", max_values=MAX_VALUES))
         if isinstance(item, Mapping | list | tuple):
             if len(path) >= MAX_DEPTH:
-                raise fail(path[:1], f"is nested deeper than {MAX_DEPTH} levels")
+                raise fail(path[:1], say("yaml_deep", max_depth=MAX_DEPTH))
             if not isinstance(item, Mapping):
                 return [copy(child, (*path, i)) for i, child in enumerate(item)]
             result: dict[str, object] = {}
             for key, child in item.items():
                 if not isinstance(key, str):
-                    raise fail(path, f"a key is {show(key)}; keys must be text")
+                    raise fail(path, say("yaml_key_is", key=show(key)))
                 count += 1
                 result[str.__str__(key)] = copy(child, (*path, key))
             return result

@@ -8,7 +8,9 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-from bussim.wording import describe, plain_form, shorten
+from bussim.wording import plain_form, shorten
+from bussim.words.language import say
+from bussim.words.values import describe
 
 #: Line and column, counted from 1.
 Mark = tuple[int, int]
@@ -22,52 +24,41 @@ _MOST_TRIED = 1 << 18
 _MOST_ABOVE = 100
 _KEY = r"([^\W\d][\w.-]*)"
 _LEAD = "^( *(?:- +)*)"
-_UNEVEN = "its lines begin deeper than they go on: indent them evenly, or write program: |"
+_GROUPS = ("found", "one", "two", "three", "four", "five")
 _Rule = tuple[re.Pattern[str], str, str]
-#: What is found in a line, what stands there instead, and what is said of it: by number its groups, ``write``
-#: what it becomes.
+#: What is found in a line, what stands there instead, and the key of what is said of it: with its groups,
+#: ``write``, what it becomes, and ``new``, what stands there instead.
 _RULES = [
-    (re.compile(pattern), new, text)
-    for pattern, new, text in (
-        (rf"(?<![\w.-]){_KEY}:(?=[^\s:/])", r"\1: ", "{1} has no blank after its colon; write {write}"),
-        (r"( +#.*| *)$", r"}\1", "a {{ is never closed; write }} here"),
-        (r"( +#.*| *)$", r"]\1", "a [ is never closed; write ] here"),
-        ("^( *)-(?=[^ -])", r"\1- ", "a list entry has no blank after its dash; write {write}"),
-        (r"\b(\d+),(\d{3})\b(?! *[a-zµ])", r"\1\2", "the comma of {0} begins another key; write {write}"),
-        (r"\b(\d+),(\d+)", r"\1.\2", "the comma of {0} begins another key; write {write}"),
-        (rf"(?<![\w.-]){_KEY} *= *", r"\1: ", "{1} has a = instead of a colon; write {write}"),
-        (rf"{_LEAD}{_KEY} *$", r"\1\2:", "{2} has no colon; write {write}"),
-        (rf"{_LEAD}{_KEY}[ ;]+(?=\S)", r"\1\2: ", "{2} has no colon; write {write}"),
-        (r"(?<=\S)\t+", " ", "there is a tab; write a blank"),
-        (r"(?<!\S)//", "#", "a comment begins with //; write #"),
-        (";", ",", "there is a ; for a comma; write ,"),
-        (r",(\s*,)+", ",", "there is a comma too many"),
-        (rf"(?<=[\w\"}}\]])( +)(\"?{_KEY}\"?: )", r",\1\2", "a comma is missing before {3}"),
-        (r"(?<=[\w\"}\]])( +)(?=[\"{\[])", r",\1", "a comma is missing before {write}"),
-        (r"(?<=[\w\"}\]]) *$", ",", "a comma is missing at the end of the line"),
-        (r"[\])]", "}", "{0} closes a {{; write }}"),
-        (r"[})]", "]", "{0} closes a [; write ]"),
-        (r"[}\])]", "", "there is a {0} too many: it closes nothing"),
-        (r"([\"'])([^\"',}\]#]*?)(?=[,}\]]| *$)", r"\1\2\1", "the {1} is never closed; write {write}"),
-        (r"(?<=[:,{\[-] )([@`%*&!][^,}\]#]*)", r'"\1"', "{1} begins with a sign of YAML; write {write}"),
-        (
-            rf"{_LEAD}({_KEY}: +[^\s:,]+(?: [^\s:,]+)?),? +({_KEY}: .*)$",
-            r"\1\2 # \4",
-            "{5} stands in the same line as {3}; give it a line of its own",
-        ),
-        (
-            rf'{_LEAD}({_KEY}: +)([^#"{{\[][^#"]*: [^#"]*)$',
-            r'\1\2"\4"',
-            "{3} is a text with a colon in it; write it in quotes",
-        ),
-        (rf"^( *){_KEY}: *{{ *", r"\1- {name: \2, ", "{2} is a mapping among list entries; write {write}"),
-        (rf"^( *)  ({_KEY}:)(?=\s)", r"\1- \2", "{3} begins no list entry; for one write {write}"),
-        (rf"^( *)({_KEY}:)(?=\s)", r"\1- \2", "{3} begins no list entry; for one write {write}"),
-        (r"\(([^()]*)\)", r"{\1}", "{0} has round brackets; write {write}"),
-        *(
-            (r"(?<=program: [|>])(?=[+-]? *(#.*)?$)", f"{depth}", f"{_UNEVEN}{depth}")
-            for depth in range(9, 0, -1)
-        ),
+    (re.compile(pattern), new, key)
+    for pattern, new, key in (
+        (rf"(?<![\w.-]){_KEY}:(?=[^\s:/])", r"\1: ", "mend_no_blank"),
+        (r"( +#.*| *)$", r"}\1", "mend_brace_open"),
+        (r"( +#.*| *)$", r"]\1", "mend_bracket_open"),
+        ("^( *)-(?=[^ -])", r"\1- ", "mend_dash"),
+        (r"\b(\d+),(\d{3})\b(?! *[a-zµ])", r"\1\2", "mend_comma_number"),
+        (r"\b(\d+),(\d+)", r"\1.\2", "mend_comma_number"),
+        (rf"(?<![\w.-]){_KEY} *= *", r"\1: ", "mend_equals"),
+        (rf"{_LEAD}{_KEY} *$", r"\1\2:", "mend_no_colon"),
+        (rf"{_LEAD}{_KEY}[ ;]+(?=\S)", r"\1\2: ", "mend_no_colon"),
+        (r"(?<=\S)\t+", " ", "mend_tab"),
+        (r"(?<!\S)//", "#", "mend_comment"),
+        (";", ",", "mend_semicolon"),
+        (r",(\s*,)+", ",", "mend_comma_many"),
+        (rf"(?<=[\w\"}}\]])( +)(\"?{_KEY}\"?: )", r",\1\2", "mend_comma_before"),
+        (r"(?<=[\w\"}\]])( +)(?=[\"{\[])", r",\1", "mend_comma_write"),
+        (r"(?<=[\w\"}\]]) *$", ",", "mend_comma_end"),
+        (r"[\])]", "}", "mend_closes_brace"),
+        (r"[})]", "]", "mend_closes_bracket"),
+        (r"[}\])]", "", "mend_closes_nothing"),
+        (r"([\"'])([^\"',}\]#]*?)(?=[,}\]]| *$)", r"\1\2\1", "mend_quote"),
+        (r"(?<=[:,{\[-] )([@`%*&!][^,}\]#]*)", r'"\1"', "mend_sign"),
+        (rf"{_LEAD}({_KEY}: +[^\s:,]+(?: [^\s:,]+)?),? +({_KEY}: .*)$", r"\1\2 # \4", "mend_same_line"),
+        (rf'{_LEAD}({_KEY}: +)([^#"{{\[][^#"]*: [^#"]*)$', r'\1\2"\4"', "mend_colon_text"),
+        (rf"^( *){_KEY}: *{{ *", r"\1- {name: \2, ", "mend_mapping"),
+        (rf"^( *)  ({_KEY}:)(?=\s)", r"\1- \2", "mend_no_entry"),
+        (rf"^( *)({_KEY}:)(?=\s)", r"\1- \2", "mend_no_entry"),
+        (r"\(([^()]*)\)", r"{\1}", "mend_round"),
+        *((r"(?<=program: [|>])(?=[+-]? *(#.*)?$)", f"{depth}", "mend_uneven") for depth in range(9, 0, -1)),
     )
 ]
 #: Lines above a complaint that may be its cause: a quote that is not closed, a program's text.
@@ -127,8 +118,9 @@ class Mended:
         if best is None or len(self.mistakes) == _MOST_MISTAKES:
             return False
         number, line, column, message = best
-        known = f"{trouble.message}; " if "twice" in trouble.message else ""
-        self.mistakes.append((self.original((number + 1, column)), known + message))
+        if "twice" in trouble.message:
+            message = say("mend_and", known=trouble.message, what=message)
+        self.mistakes.append((self.original((number + 1, column)), message))
         self._changes.append((number + 1, column, len(line) - len(lines[number])))
         self.text = better
         return True
@@ -162,7 +154,8 @@ def _lookalikes(number: int, line: str) -> Iterator[_Repair]:
         if plain is not None:
             plain = {"(": "{", ")": "}", ";": ","}.get(plain, plain)
             blank = " " if plain in ":,-" and line[at + 1 : at + 2].strip() else ""
-            text = f"there is {describe(char)}; write {'a blank' if plain == ' ' else plain}"
+            write = say("mend_blank") if plain == " " else plain
+            text = say("mend_there", found=describe(char), write=write)
             yield number, line[:at] + plain + blank + line[at + 1 :], at + 1, text
 
 
@@ -171,12 +164,13 @@ def _glued(number: int, line: str) -> Iterator[_Repair]:
 
 
 def _by_rules(number: int, line: str, rules: Sequence[_Rule] = _RULES) -> Iterator[_Repair]:
-    for pattern, new, text in rules:
+    for pattern, new, key in rules:
         for match in pattern.finditer(line):
             became = match.expand(new)
             value, cut, _ = re.split(r"([,}\]#]|$)", line[match.end() :], maxsplit=1)
             write = shorten((became + value).strip(" ,")) + (" …" if cut and "{" in became else "")
-            said = text.format(match.group(), *match.groups(), write=write)
+            groups = dict(zip(_GROUPS, (match.group(), *match.groups()), strict=False))
+            said = say(key, write=write, new=new, **groups)
             column = match.end() - len(match.group().lstrip()) + 1
             yield number, line[: match.start()] + became + line[match.end() :], column, said
 
@@ -188,7 +182,7 @@ def _indented(number: int, above: Sequence[str], line: str) -> Iterator[_Repair]
     starts = [re.match("( *)((?:- +)*)", other) for other in above]
     levels = {found.end(group) for found in starts if found for group in (1, 2)} | {width - width % 2}
     for level in sorted(levels, key=lambda level: abs(level - width)):
-        text = f"the line begins in column {width + 1}; expected column {level + 1}, as a line above it"
+        text = say("mend_column", column=width + 1, expected=level + 1)
         if odd:
-            text = f"{describe(odd[0])} indents the line; YAML takes blanks only"
+            text = say("mend_indents", found=describe(odd[0]))
         yield number, " " * level + line.lstrip(), 1 if odd else width + 1, text

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from bussim.errors import Problem
 from bussim.forms.mistakes import Path
 from bussim.wording import shorten
+from bussim.words.language import say
 
 __all__ = ["Mark", "Path", "Report", "SourceMap"]
 
@@ -36,7 +37,8 @@ class SourceMap:
         Where the path itself has no mark, the nearest enclosing value's position is given.
         """
         subject = self.short_name(path) if self._locate(path, key=key)[1] else self.full_name(path)
-        return self.remark(path, f"{subject} {predicate}".strip(), key=key)
+        text = say("form_about", subject=subject, predicate=predicate) if subject else predicate
+        return self.remark(path, text, key=key)
 
     def remark(self, path: Path, text: str, *, key: bool = False) -> Problem:
         """A complete sentence about the value at ``path``."""
@@ -45,7 +47,7 @@ class SourceMap:
     def where(self, path: Path) -> str:
         """The position of a value, for a message about another one: its line, or its path."""
         _, line, _ = self._locate(path, key=False)
-        return f"in line {line}" if line else ".".join(map(str, path))
+        return say("form_in_line", line=line) if line else ".".join(map(str, path))
 
     def short_name(self, path: Path) -> str:
         """The name of a value without the list element that it is in, which line and column show."""

@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from bussim.words.language import say
+
 
 class Code:
     """Finds ``module:function``. ``allowed``: the user has said --allow-code.
@@ -28,7 +30,7 @@ class Code:
     def find(self, name: str) -> Callable[[int], int]:
         """The function. Raises ValueError with a message for the user."""
         if not self.allowed:
-            raise ValueError(f"is {name}, which would run Python code: that takes --allow-code")
+            raise ValueError(say("user_not_allowed", name=name))
         if name not in self._found:
             self._found[name] = self._load(name)
         return self._found[name]
@@ -50,13 +52,13 @@ class Code:
             with self._path():
                 found = getattr(importlib.import_module(module), function, None)
         except ModuleNotFoundError as error:
-            raise ValueError(f"is {name}, but there is no module {error.name}") from None
+            raise ValueError(say("user_no_module", name=name, module=error.name)) from None
         except (Exception, SystemExit) as error:  # whatever a user's module does when it is loaded
             what = f"{type(error).__name__}: {error}"[:200]
-            raise ValueError(f"is {name}, but loading {module} fails: {what}") from None
+            raise ValueError(say("user_fails", name=name, module=module, what=what)) from None
         if not callable(found):
-            what = "has no" if found is None else "has something else as"
-            raise ValueError(f"is {name}, but {module} {what} function {function}")  # noqa: TRY004
+            what = say("user_has_no") if found is None else say("user_other")
+            raise ValueError(say("user_function", name=name, module=module, what=what, function=function))  # noqa: TRY004
         return found  # type: ignore[no-any-return] # what it returns is checked whenever it is called
 
     @contextmanager

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from bussim.plc.memory import Family, parse_device
 from bussim.plc.program.text.catalog import FORMS
+from bussim.words.language import say
 
 #: How the headings of columns are written, in small letters and without blanks.
 _HEADS = {
@@ -32,7 +33,7 @@ _HEADS = {
 }
 #: The kind of what is no table.
 INSTRUCTION_LIST = "an instruction list"
-_DELIMITERS = {"\t": "tabs", ";": "semicolons", ",": "commas"}
+_DELIMITERS = {"\t": "export_tabs", ";": "export_semicolons", ",": "export_commas"}
 _QUOTED = re.compile(r'"((?:[^"]|"")*)"?')
 _OPERAND = re.compile(r"(?:[XYMSTCDR]|TN|TS|CN|CS)[0-9]+", re.ASCII)
 #: Headings and rules of printed lists.
@@ -61,27 +62,28 @@ def listing(text: str, *, family: Family = Family.FX3U) -> Listing:
     """
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     delimiter = _delimiter(lines)
-    words = f"columns separated by {_DELIMITERS[delimiter]}"
+    words = say("export_columns", by=say(_DELIMITERS[delimiter]))
     rows = [_cells(line, delimiter) for line in lines]
     filled = [row for row in rows if any(cell.text for cell in row)]
     head, where = _heading(rows)
     named = any(cell.text.upper() in FORMS for row in filled for cell in row)
     if "comment" in where or (not named and _are_comments(filled)):
         return Listing(
-            f"device comments ({words})", comments=_comments(rows[head:], where.get("comment"), family=family)
+            say("export_comments", words=words),
+            comments=_comments(rows[head:], where.get("comment"), family=family),
         )
     wide = sum(len(row) > 4 or line.startswith('"') for row, line in zip(rows, lines, strict=True) if row)
     if "instruction" not in where and (2 * wide < len(filled) or not named):
         plain = (";" + line[1:] if _PRINTED.fullmatch(line) else line for line in lines)
-        return Listing(INSTRUCTION_LIST, "\n".join(plain))
+        return Listing(say("export_list"), "\n".join(plain))
     at = where["instruction"] if "instruction" in where else _busiest(filled)
     device = where.get("device", at + 1)
     texts = (at, device, where.get("preset"))
     if head:
         taken = (cell.text for number, cell in enumerate(rows[head - 1]) if number in texts)
-        words += f"; taken: {', '.join(taken)}"
+        words = say("export_taken", words=words, columns=", ".join(taken))
     done = (_plain(row, at, texts, body=number >= head) for number, row in enumerate(rows))
-    return Listing(f"a program exported by a programming tool ({words})", "\n".join(done))
+    return Listing(say("export_program", words=words), "\n".join(done))
 
 
 def _delimiter(lines: list[str]) -> str:

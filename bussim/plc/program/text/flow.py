@@ -10,6 +10,7 @@ from bussim.errors import Problem
 from bussim.plc.program.text.catalog import Flow, Instruction
 from bussim.plc.program.text.ladder import Control, Rung
 from bussim.plc.program.text.operands import END_LABEL
+from bussim.words.language import say
 
 #: FX programming manual: FOR and CALL may be nested five deep.
 MAX_LOOPS = 5
@@ -37,13 +38,10 @@ class FlowCheck:
         if end is None:
             last = program[-1] if program else None
             position = (last.line, last.column) if last is not None else (1, 1)
-            message = "the program has no END; it must be its last instruction"
-            message = message if program else "the program has no instructions"
+            message = say("program_no_end" if program else "program_empty")
             self.problems.append(Problem(self._name, *position, message))
         elif end + 1 < len(program):
-            self._wrong(
-                program[end + 1], f"{program[end + 1].name} after END; END must be the last instruction"
-            )
+            self._wrong(program[end + 1], say("program_after_end", program=program[end + 1].name))
 
     def _labels(self) -> dict[int, Instruction]:
         labels: dict[int, Instruction] = {}
@@ -52,9 +50,9 @@ class FlowCheck:
                 continue
             number = at.operands[0].address
             if number == END_LABEL:
-                self._wrong(at, f"P{END_LABEL} means END and cannot be a label")
+                self._wrong(at, say("program_p63", label=END_LABEL))
             elif number in labels:
-                self._wrong(at, f"the label P{number} stands at line {labels[number].line} already")
+                self._wrong(at, say("program_label_twice", label=number, line=_line(labels[number])))
             else:
                 labels[number] = at
         return labels
@@ -63,7 +61,7 @@ class FlowCheck:
         for at in self._instructions:
             flow = at.spec.flow
             if flow is Flow.SRET and (self._main_end is None or at.number < self._main_end):
-                self._wrong(at, "SRET before FEND; a subroutine stands between FEND and END")
+                self._wrong(at, say("program_sret"))
             if flow is None or not flow.has_target or not at.operands:
                 continue
             number = at.operands[0].address
@@ -71,17 +69,17 @@ class FlowCheck:
             if number == END_LABEL and not flow.returns:
                 continue
             if target is None:
-                known = ", ".join(f"P{label}" for label in sorted(labels)) or "none"
-                self._wrong(at, f"{at.name} P{number}: there is no label P{number}; the labels are: {known}")
+                known = ", ".join(f"P{label}" for label in sorted(labels)) or say("program_none")
+                self._wrong(at, say("program_no_label", at=at.name, number=number, known=known))
             elif flow.returns:
                 self._subroutine(at, target)
 
     def _subroutine(self, call: Instruction, label: Instruction) -> None:
-        what = f"{call.name} P{call.operands[0].address}: the subroutine at line {label.line}"
+        what = say("program_subroutine", call=call.name, label=call.operands[0].address, line=_line(label))
         if self._main_end is None or label.number < self._main_end:
-            self._wrong(call, f"{what} must stand between FEND and END")
+            self._wrong(call, say("program_between", what=what))
         elif all(at.spec.flow is not Flow.SRET for at in self._instructions[label.number :]):
-            self._wrong(call, f"{what} has no SRET")
+            self._wrong(call, say("program_no_sret", what=what))
 
     def _loops(self) -> None:
         loops: list[Instruction] = []
@@ -90,15 +88,15 @@ class FlowCheck:
                 case Flow.FOR:
                     loops.append(at)
                     if len(loops) > MAX_LOOPS:
-                        self._wrong(at, f"FOR is nested {len(loops)} deep, allowed {MAX_LOOPS}")
+                        self._wrong(at, say("program_for_deep", loops=len(loops), max_loops=MAX_LOOPS))
                 case Flow.NEXT:
                     if not loops:
-                        self._wrong(at, "NEXT without its FOR")
+                        self._wrong(at, say("program_next"))
                     else:
                         loops.pop()
                 case Flow.FEND | Flow.END | Flow.SRET:
                     for opened in loops:
-                        self._wrong(opened, f"FOR without its NEXT in front of {at.name}")
+                        self._wrong(opened, say("program_for", at=at.name))
                     loops.clear()
                 case (
                     None
@@ -114,6 +112,10 @@ class FlowCheck:
                     pass
                 case flow:
                     assert_never(flow)
+
+
+def _line(at: Instruction) -> str:
+    return f"at line {at.line}"
 
 
 @dataclass(slots=True)

@@ -15,6 +15,7 @@ from typing import assert_never
 from bussim.errors import Problem
 from bussim.plc.program.text.catalog import FORMS, Flow, Instruction, LadderRole
 from bussim.plc.program.text.operands import parse_operand
+from bussim.words.language import say
 
 #: FX programming manual: at most eight LD blocks wait for ANB or ORB, eleven MPS for MPP.
 MAX_BLOCKS = 8
@@ -128,9 +129,9 @@ class Ladder:
                 self._unsure = True
             self._take(instruction)
         if self._step is not None:
-            self._wrong(self._step, "STL without its RET")
+            self._wrong(self._step, say("program_stl"))
         for _, opened in self._levels:
-            self._wrong(opened, "MC without its MCR")
+            self._wrong(opened, say("program_mc"))
 
     def _wrong(self, instruction: Instruction, message: str) -> None:
         if not self._unsure:
@@ -162,7 +163,7 @@ class Ladder:
     def _longer(self, instruction: Instruction) -> None:
         self._length += 1
         if self._length == MAX_CONTACTS + 1:
-            self._wrong(instruction, f"more than {MAX_CONTACTS} contacts in one condition")
+            self._wrong(instruction, say("program_contacts", max_contacts=MAX_CONTACTS))
 
     def _contact(self, instruction: Instruction) -> None:
         self._longer(instruction)
@@ -171,9 +172,7 @@ class Ladder:
         if join == "LD":
             self._load(contact, instruction)
         elif self._accumulator is None:
-            self._wrong(
-                instruction, f"{instruction.name} needs a contact in front of it; begin the rung with LD"
-            )
+            self._wrong(instruction, say("program_needs_ld", instruction=instruction.name))
             self._accumulator = contact
         elif join == "AND":
             self._accumulator = Both(self._accumulator, contact)
@@ -191,7 +190,7 @@ class Ladder:
         elif self._accumulator is not None:
             self._blocks.append((self._accumulator, instruction))
             if len(self._blocks) > MAX_BLOCKS:
-                self._wrong(instruction, f"more than {MAX_BLOCKS} blocks wait for ANB or ORB")
+                self._wrong(instruction, say("program_wait", max_blocks=MAX_BLOCKS))
         self._accumulator = contact
 
     def _block(self, instruction: Instruction) -> None:
@@ -201,13 +200,13 @@ class Ladder:
         elif name in ("MRD", "MPP"):
             self._branch(instruction)
         elif self._accumulator is None:
-            self._wrong(instruction, f"{name} needs a contact in front of it")
+            self._wrong(instruction, say("program_needs_contact", name=name))
         elif name == "INV":
             self._longer(instruction)
             self._accumulator, self._finished = Not(self._accumulator), False
         else:
             if len(self._branches) >= MAX_BRANCHES:
-                self._wrong(instruction, f"more than {MAX_BRANCHES} MPS are open")
+                self._wrong(instruction, say("program_mps_open", max_branches=MAX_BRANCHES))
             self._keep()
             self._branches.append((self._accumulator, instruction))
             self._finished, self._idle, self._length = False, None, 0
@@ -219,15 +218,13 @@ class Ladder:
         elif latest is not None and self._before is not None:
             earlier, self._before = self._before, None
         else:
-            self._wrong(
-                instruction, f"{instruction.name} needs two blocks, each begun with LD, in front of it"
-            )
+            self._wrong(instruction, say("program_two_blocks", instruction=instruction.name))
             return
         self._accumulator = Both(earlier, latest) if instruction.name == "ANB" else Either(earlier, latest)
 
     def _branch(self, instruction: Instruction) -> None:
         if not self._branches:
-            self._wrong(instruction, f"{instruction.name} without MPS")
+            self._wrong(instruction, say("program_without_mps", instruction=instruction.name))
             return
         self._nothing_idle()
         self._accumulator = self._branches[-1][0]
@@ -248,7 +245,7 @@ class Ladder:
     def _output(self, instruction: Instruction) -> None:
         self._close_rungs(instruction)
         if self._accumulator is None:
-            self._wrong(instruction, f"{instruction.name} needs a contact in front of it, such as LD M8000")
+            self._wrong(instruction, say("program_needs_such", instruction=instruction.name))
             return
         flow = instruction.spec.flow
         if flow is not None:
@@ -280,13 +277,12 @@ class Ladder:
             count = len(self._blocks)
             self._wrong(
                 instruction,
-                f"{count} block{' is' if count == 1 else 's are'} open in front of {instruction.name}; "
-                "ANB or ORB is missing",
+                say("program_block" if count == 1 else "program_blocks", count=count, name=instruction.name),
             )
             self._blocks.clear()
         if self._before is not None:
             for _, opened in self._branches[: self._branches_before]:
-                self._wrong(opened, "MPS without its MPP")
+                self._wrong(opened, say("program_mps"))
             del self._branches[: self._branches_before]
             self._before = None
 
@@ -294,10 +290,7 @@ class Ladder:
         if instruction.operands:
             level = instruction.operands[0].address
             if self._levels and level <= self._levels[-1][0]:
-                self._wrong(
-                    instruction,
-                    f"MC N{level} inside MC N{self._levels[-1][0]}; inner levels have higher numbers",
-                )
+                self._wrong(instruction, say("program_mc_inside", level=level, outer=self._levels[-1][0]))
             self._levels.append((level, instruction))
         self._reset()
 
@@ -305,13 +298,13 @@ class Ladder:
 
     def _nothing_idle(self) -> None:
         if self._idle is not None:
-            self._wrong(self._idle, "contacts that drive nothing")
+            self._wrong(self._idle, say("program_idle"))
             self._idle = None
 
     def _reset(self) -> None:
         self._nothing_idle()
         for _, opened in self._branches:
-            self._wrong(opened, "MPS without its MPP")
+            self._wrong(opened, say("program_mps"))
         self._branches.clear()
         self._blocks.clear()
         self._accumulator, self._before, self._finished, self._length = None, None, False, 0
@@ -324,7 +317,7 @@ class Ladder:
             if instruction.operands:
                 level = instruction.operands[0].address
                 if all(opened != level for opened, _ in self._levels):
-                    self._wrong(instruction, f"MCR N{level} without its MC")
+                    self._wrong(instruction, say("program_mcr", level=level))
                 self._levels = [(opened, at) for opened, at in self._levels if opened < level]
             else:
                 self._levels.clear()
@@ -333,7 +326,7 @@ class Ladder:
             return
         if instruction.name == "RET":
             if self._step is None:
-                self._wrong(instruction, "RET without its STL")
+                self._wrong(instruction, say("program_ret"))
             self._step, self._steps = None, ()
         self.items.append(Control(instruction, None, self._level))
 

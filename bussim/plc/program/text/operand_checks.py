@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 from bussim.plc.memory import FIRST_LONG_COUNTER, FIRST_SPECIAL, Device, Family
 from bussim.plc.program.text.catalog import CONTACTS, Form, Instruction, LadderRole, Slot
 from bussim.plc.program.text.operands import Operand, range_of, range_text
-from bussim.wording import counted
+from bussim.words.language import say
+from bussim.words.tables import recognised
 
 #: The first counter that counts in hardware, from its own inputs (FX programming manual).
 FIRST_FAST_COUNTER = 235
@@ -47,12 +48,16 @@ def operand_problems(name: str, form: Form, operands: tuple[Operand, ...]) -> li
     """Mistakes of one instruction: (number of the operand, or -1 for the mnemonic, message)."""
     slots = slots_of(form, operands)
     if len(operands) != len(slots):
-        names = ", ".join(slot.name for slot in slots)
-        wanted = f"{counted(len(slots), 'operand')} ({names})" if slots else "no operand"
+        names = list(map(_slot, slots))
+        wanted = (
+            say("program_operands", slots=len(slots), names=names) if slots else say("program_no_operand")
+        )
         # The first one too many, or the mnemonic that misses some.
         at = len(slots) if len(operands) > len(slots) else -1
-        hint = "; put ; in front of a comment" if at >= 0 else ""
-        return [(at, f"{name} takes {wanted}, found {len(operands) or 'none'}{hint}")]
+        hint = say("program_semicolon") if at >= 0 else ""
+        return [
+            (at, say("program_takes", name=name, wanted=wanted, found=len(operands) or "none", hint=hint))
+        ]
     found: list[tuple[int, str]] = []
     for number, (slot, operand) in enumerate(zip(slots, operands, strict=True)):
         message = _kind_problem(name, slot, operand) or _value_problem(name, form, slot, operand)
@@ -67,15 +72,19 @@ def operand_problems(name: str, form: Form, operands: tuple[Operand, ...]) -> li
     return found or list(_pair_problems(name, form, operands))
 
 
+def _slot(slot: Slot) -> str:
+    return recognised(slot.name, "slot_")
+
+
 def _kind_problem(name: str, slot: Slot, operand: Operand) -> str | None:
     text, kind = operand.text, operand.kind
     if kind not in slot.takes:
         if name == "OUT" and kind == "X":
-            return f"OUT {text}: X is an input; a program can only read it"
+            return say("program_out_x", text=text)
         allowed = " ".join("K H" if taken == "K" else taken for taken in slot.takes)
-        return f"{name}: the {slot.name} cannot be {text}, allowed {allowed}"
+        return say("program_operand", name=name, slot=_slot(slot), text=text, allowed=allowed)
     if operand.letter == "R" and slot.takes == ("D",):
-        return f"{name}: the {slot.name} cannot be {text}, allowed D"
+        return say("program_operand_d", name=name, slot=_slot(slot), text=text)
     contact = (
         slot.takes is CONTACTS
         and operand.family is Family.FX3U
@@ -90,7 +99,7 @@ def _kind_problem(name: str, slot: Slot, operand: Operand) -> str | None:
         and operand.address < FIRST_SPECIAL
     )
     if operand.index is not None and not (slot.index or contact or coil):
-        return f"{name}: the {slot.name} cannot have an index register, found {text}"
+        return say("program_index", name=name, slot=_slot(slot), text=text)
     return None
 
 
@@ -102,15 +111,19 @@ def _value_problem(name: str, form: Form, slot: Slot, operand: Operand) -> str |
     if kind.startswith("Kn"):
         most = 8 if wide or (slot.points == 2 and form.spec.name == "MUL") else 4
         if operand.groups > most:
-            return f"{name}: {text} means {4 * operand.groups} bits, allowed K1–K{most}"
+            return say("program_groups", name=name, text=text, bits=4 * operand.groups, most=most)
     elif kind == "V" and wide:
-        return f"{name}: {text} cannot begin a pair; Z{address} names that of V{address} and Z{address}"
+        return say("program_pair", name=name, text=text, address=address)
     elif kind == "C" and address >= FIRST_LONG_COUNTER:
         if _is_word(form, kind) and not wide:
-            instead = "use the D form" if "D" in form.spec.forms else f"allowed C0–C{FIRST_LONG_COUNTER - 1}"
-            return f"{name}: {text} has 32 bits; {instead}"
+            instead = (
+                say("program_d_form")
+                if "D" in form.spec.forms
+                else say("program_counters", last=FIRST_LONG_COUNTER - 1)
+            )
+            return say("program_32", name=name, text=text, instead=instead)
     elif name in ("PLS", "PLF") and kind == "M" and address >= 8000:
-        return f"{name}: {text} is a special bit, allowed Y and M without specials"
+        return say("program_special_bit", name=name, text=text)
     return None
 
 
@@ -120,23 +133,24 @@ def _constant_problem(name: str, slot: Slot, operand: Operand, *, wide: bool) ->
     if operand.hexadecimal and limits is None:
         digits = 8 if wide else 4
         if value >> 4 * digits:
-            return f"{name}: {operand.text} has more than {digits} digits" + (
-                "" if wide else _wide_hint(name)
-            )
+            hint = "" if wide else _wide_hint(name)
+            return say("program_digits", name=name, text=operand.text, digits=digits, hint=hint)
         return None
     low, high = limits or ((-(1 << 31), (1 << 31) - 1) if wide else (-32768, 32767))
     if low <= value <= high:
         return None
     hint = "" if wide or limits is not None else _wide_hint(name)
-    hint = " (below 1 it counts as 1)" if name == "FOR" else hint
-    return f"{name}: the {slot.name} is {operand.text}, allowed K{low}…K{high}{hint}"
+    hint = say("program_below_1") if name == "FOR" else hint
+    return say(
+        "program_limits", name=name, slot=_slot(slot), text=operand.text, low=low, high=high, hint=hint
+    )
 
 
 def _wide_hint(name: str) -> str:
     from bussim.plc.program.text.catalog import FORMS
 
     form = FORMS.get(name)
-    return " (32 bits: the D form)" if form is not None and "D" in form.spec.forms else ""
+    return say("program_32_d") if form is not None and "D" in form.spec.forms else ""
 
 
 def _is_word(form: Form, kind: str) -> bool:
@@ -180,14 +194,12 @@ def _extent_problem(name: str, operand: Operand, extent: Extent) -> str | None:
     letter = extent.letter
     bounds = range_of(letter, extent.first, word=extent.word, family=operand.family)
     if bounds is not None and extent.last > bounds[1]:
-        last = Device(letter, bounds[1])
-        return (
-            f"{name}: {operand.text} reaches past {last}, allowed {range_text(letter, family=operand.family)}"
-        )
+        last, allowed = Device(letter, bounds[1]), range_text(letter, family=operand.family)
+        return say("program_past", name=name, text=operand.text, last=last, allowed=allowed)
     if extent.writes and letter == "M" and operand.index is None:
         for number in range(extent.first, extent.last + 1):
             if number in READ_ONLY_BITS:
-                return f"{name}: M{number} is driven by the PLC itself; a program can only read it"
+                return say("program_by_plc", name=name, number=number)
     return None
 
 
@@ -216,20 +228,20 @@ def _pair_problems(name: str, form: Form, operands: tuple[Operand, ...]) -> Iter
     if spec == "BMOV":
         source, target = operands[0], operands[1]
         if source.groups and target.groups and source.groups != target.groups:
-            yield 1, f"{name}: {target.text} has other groups than {source.text}; both must have the same K"
+            yield 1, say("program_other_k", name=name, target=target.text, source=source.text)
     elif spec in ("SFTR", "SFTL"):
         length, step = operands[2].constant, operands[3].constant
         if length is not None and step is not None and step > length:
-            yield 3, f"{name}: n2 is {step}, allowed 1…n1 ({length})"
+            yield 3, say("program_n2", name=name, step=step, length=length)
     elif spec in ("ROR", "ROL"):
         full = 8 if form.wide else 4
         if operands[0].groups not in (0, full):
-            yield 0, f"{name}: {operands[0].text} is no whole word, allowed K{full} in front of a bit device"
+            yield 0, say("program_whole_word", name=name, text=operands[0].text, full=full)
     elif spec == "ZRST":
         first, last = operands
         if first.letter != last.letter:
-            yield 1, f"{name}: {last.text} is another kind of device than {first.text}"
+            yield 1, say("program_other_kind", name=name, last=last.text, first=first.text)
         elif first.kind == "C" and (first.address < FIRST_LONG_COUNTER) != (
             last.address < FIRST_LONG_COUNTER
         ):
-            yield 1, f"{name}: {first.text} has 16 bits and {last.text} 32; reset them apart"
+            yield 1, say("program_apart", name=name, first=first.text, last=last.text)

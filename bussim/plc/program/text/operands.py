@@ -20,6 +20,7 @@ from bussim.plc.memory import (
     range_names,
 )
 from bussim.wording import shorten
+from bussim.words.language import say
 
 #: The label that means END (FX programming manual).
 END_LABEL = 63
@@ -81,7 +82,7 @@ def range_of(
 def range_text(letter: str, *, family: Family = Family.FX2N) -> str:
     """The addresses of a letter as a message shows them."""
     if letter == "R" and family is not Family.FX3U:
-        return "on an FX3U only"
+        return say("program_fx3u_only")
     ranges = own_ranges(letter, family) or PLACES.get(letter) or BIT_RANGES.get(letter)
     return range_names(letter, ranges or WORD_RANGES[letter])
 
@@ -99,9 +100,7 @@ def parse_operand(text: str, column: int, *, family: Family = Family.FX2N, plain
         address = _address(text, letter, digits, family=family)
         groups = int(count)
         if not 1 <= groups <= 8:
-            raise ValueError(
-                f"{shorten(text)}: K{groups} in front of a bit device, allowed K1–K8 (groups of 4)"
-            )
+            raise ValueError(say("program_k", text=shorten(text), groups=groups))
         return Operand(
             text, column, f"Kn{letter}", letter, address, groups, _index(text, *index), family=family
         )
@@ -123,7 +122,7 @@ def parse_operand(text: str, column: int, *, family: Family = Family.FX2N, plain
         address = _address(text, letter, digits, family=family)
         kind = "D" if letter == "R" else letter
         return Operand(text, column, kind, letter, address, 0, _index(text, *index), family=family)
-    raise ValueError(f"{shorten(repr(text))} is no device or constant; {_hint(upper, plain)}")
+    raise ValueError(say("program_no_operand_is", text=shorten(repr(text)), hint=_hint(upper, plain)))
 
 
 def _address(text: str, letter: str, digits: str, *, family: Family = Family.FX2N) -> int:
@@ -131,14 +130,16 @@ def _address(text: str, letter: str, digits: str, *, family: Family = Family.FX2
     octal = letter in _OCTAL
     if octal and not set(digits) <= set("01234567"):
         meant = Device(letter, int(digits))
-        raise ValueError(
-            f"{shown}: {letter} is numbered in octal (no 8 or 9); point {int(digits)} of {letter} is {meant}"
-        )
+        raise ValueError(say("program_octal", shown=shown, letter=letter, number=int(digits), meant=meant))
     address = int(digits, 8 if octal else 10)
     if range_of(letter, address, word=letter not in BIT_RANGES, family=family) is None:
         lacks = letter != "R" and lacking(Device(letter, address), family)
-        why = f"{lacks} it" if lacks else f"there is no {letter}{digits}"
-        raise ValueError(f"{shown}: {why}, allowed {range_text(letter, family=family)}")
+        why = (
+            say("program_lacks", lacks=lacks)
+            if lacks
+            else say("program_no_such", letter=letter, digits=digits)
+        )
+        raise ValueError(say("program_why", shown=shown, why=why, allowed=range_text(letter, family=family)))
     return address
 
 
@@ -147,16 +148,17 @@ def _index(text: str, letter: str | None, digits: str | None) -> tuple[str, int]
         return None
     number = int(digits or 0)
     if number >= INDEX_REGISTERS:
-        raise ValueError(f"{shorten(text)}: there is no {letter}{number}, allowed {range_text(letter)}")
+        values = {"letter": letter, "number": number, "allowed": range_text(letter)}
+        raise ValueError(say("program_no_register", text=shorten(text), **values))
     return letter, number
 
 
 def _hint(upper: str, plain: str) -> str:
     """What may have been meant: letters for digits are the commonest slip."""
     if upper.lstrip("+-").isdigit() and upper.isascii():
-        return f"did you mean {plain}{shorten(upper)}?"
+        return say("program_mean_plain", plain=plain, upper=shorten(upper))
     if len(upper) == 1 and upper in "XYMSTCDPN":
-        return f"{upper} needs a number, such as {upper}0"
+        return say("program_needs_number", upper=upper)
     repaired = upper[:1] + upper[1:].translate(str.maketrans("OIL", "011"))
     for guess in (repaired, repaired.replace("-", ""), repaired.replace("_", "")):
         if guess != upper:
@@ -164,7 +166,7 @@ def _hint(upper: str, plain: str) -> str:
                 parse_operand(guess, 0)
             except ValueError:
                 continue
-            return f"did you mean {shorten(guess)}?"
+            return say("form_mean", near=shorten(guess))
     if re.fullmatch(r"(?:S[MDBWT]|L|B|W|F|ZR|LC|LT|U)[0-9][0-9A-F]*", upper, re.ASCII):
-        return "it is one of an FX5 or Q series; an FX has M8000… and D8000…, M, S, D and R"
-    return "write a device of X Y M S T C D V Z with its number, a group such as K1M0, or K or H and a number"
+        return say("program_other_series")
+    return say("program_write")

@@ -24,8 +24,9 @@ from bussim.plc.program.text.numbering import Printed, misnumbered
 from bussim.plc.program.text.operand_checks import operand_problems, slots_of
 from bussim.plc.program.text.operands import Operand, parse_operand
 from bussim.plc.program.text.unknown import unknown
-from bussim.plc.program.text.unsimulated import SKIP, SKIPPED, effect_of, effect_of_operands, stand_in
+from bussim.plc.program.text.unsimulated import SKIPPED, effect_of, effect_of_operands, stand_in
 from bussim.wording import shorten
+from bussim.words.language import say
 
 #: Largest program that is read: the FX's 16 000 steps with room for comments.
 MAX_CHARACTERS = 1_000_000
@@ -112,7 +113,7 @@ class Source:
         self._open = False  # whether a comment was not closed
         self._statement: _Statement | None = None
         if len(text) > MAX_CHARACTERS:
-            self._wrong(0, 0, f"has {len(text)} characters, allowed {MAX_CHARACTERS}")
+            self._wrong(0, 0, say("program_characters", number=len(text), max_characters=MAX_CHARACTERS))
             return
         text = text.replace("\r\n", "\n").replace("\r", "\n").translate(_FULL_WIDTH)
         text = self._without_comments(text)
@@ -120,19 +121,16 @@ class Source:
         for number, line in enumerate(text.split("\n"), 1):
             self._line(number, line)
             if len(self.problems) >= _MAX_PROBLEMS:
-                self._wrong(number, 1, f"more than {_MAX_PROBLEMS} mistakes; the rest was not read")
+                self._wrong(number, 1, say("program_mistakes", max_problems=_MAX_PROBLEMS))
                 return
             if self._step > MAX_STEPS:
-                self._wrong(number, 1, f"the program has more than {MAX_STEPS} steps")
+                self._wrong(number, 1, say("program_steps", max_steps=MAX_STEPS))
                 return
         self._finish()
         self.whole = not self._open
         if not self.problems and (found := misnumbered(self._printed, self.instructions)):
             printed, step = found
-            message = (
-                f"step {printed.step} is printed where step {step} follows from the instructions in front "
-                "of it: are some missing, doubled or moved?"
-            )
+            message = say("program_step", printed=printed.step, step=step)
             self.warnings.append(Problem(self.name, printed.line, printed.column, message))
 
     def _wrong(self, line: int, column: int, message: str) -> None:
@@ -147,7 +145,7 @@ class Source:
                 line = text.count("\n", 0, comment.start()) + 1
                 column = comment.start() - text.rfind("\n", 0, comment.start())
                 closing = "*)" if comment["open"] == "(*" else "*/"
-                self._wrong(line, column, f"the comment that begins here has no {closing}")
+                self._wrong(line, column, say("program_comment", closing=closing))
             return re.sub(r"[^\n]", " ", comment.group())
 
         if text.startswith("\ufeff"):
@@ -164,12 +162,16 @@ class Source:
             step, steps = int(head.text.rstrip(":")), steps + 1
             if len(words) == 1:
                 self._finish()
-                self._wrong(number, head.column, "a step number without an instruction")
+                self._wrong(number, head.column, say("program_step_alone"))
                 continue
             self._columns = self._columns or steps > 1
             if self._columns and step <= self._number:
-                below = "put the columns of a printed list below each other"
-                self._wrong(number, head.column, f"step {step} behind step {self._number}; {below}")
+                below = say("program_columns")
+                self._wrong(
+                    number,
+                    head.column,
+                    say("program_step_behind", step=step, number=self._number, below=below),
+                )
             self._number, self._numbered = step, head
             self._begin_or_go_on(words[1:])
             self._numbered = None
@@ -181,11 +183,13 @@ class Source:
                 statement.words.extend(words)
                 return
             if statement is not None and not _LABEL.fullmatch(head.text):
-                name = f"{statement.name} in front of it" if statement.name != "P" else "a label"
+                name = (
+                    say("program_before_it", name=statement.name)
+                    if statement.name != "P"
+                    else say("program_a_label")
+                )
                 self._wrong(
-                    head.line,
-                    head.column,
-                    f"{shorten(head.text)} without its instruction: {name} takes no more",
+                    head.line, head.column, say("program_without", text=shorten(head.text), name=name)
                 )
                 return
         self._finish()
@@ -210,7 +214,7 @@ class Source:
         form, effect = FORMS.get(name), effect_of(name) if self._skip else None
         if form is None and effect:
             form = stand_in(name)
-            message = f"{name} is skipped, as it is not simulated: {effect}"
+            message = say("program_skipped", name=name, effect=effect)
             self.warnings.append(Problem(self.name, head.line, head.column, message))
             if form.spec.slots:
                 rest = [head._replace(text="M8000")]
@@ -259,9 +263,13 @@ class Source:
         """What stands for one whose operands are not simulated; without ``skip`` it is a mistake."""
         what, effect = found
         if not self._skip:
-            self._wrong(head.line, head.column, f"{what}, which is not simulated; {SKIP}: {effect}")
+            self._wrong(
+                head.line,
+                head.column,
+                say("program_not_simulated", what=what, skip=say("effect_skip"), effect=effect),
+            )
         else:
-            message = f"{what}: it is skipped, as it is not simulated: {effect}"
+            message = say("program_is_skipped", what=what, effect=effect)
             self.warnings.append(Problem(self.name, head.line, head.column, message))
         return SKIPPED.name, Form(replace(SKIPPED, steps=steps_of(form, operands))), ()
 
@@ -274,8 +282,8 @@ class Source:
                 found.append(parse_operand(word.text, word.column, family=self._family, plain=plain))
             except ValueError as error:
                 more = form.spec is not SKIPPED and at >= len(slots_of(form, tuple(found)))
-                hint = "; put ; in front of a comment" if more or re.search(r"[(\[{<]", word.text) else ""
-                self._wrong(word.line, word.column, f"{error}{hint}")
+                hint = say("program_semicolon") if more or re.search(r"[(\[{<]", word.text) else ""
+                self._wrong(word.line, word.column, say("program_error", error=error, hint=hint))
         return tuple(found)
 
 

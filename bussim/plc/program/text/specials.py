@@ -5,20 +5,10 @@ from collections.abc import Iterator
 from bussim.plc.link_devices import LINK_STATUS
 from bussim.plc.memory import FIRST_SPECIAL, Device, Family, device_ranges
 from bussim.plc.program.text.operand_checks import FIRST_FAST_COUNTER, Extent
+from bussim.words.language import say
 
-#: Bits that change instructions, or the whole PLC, and do not here: what they do, by M's address.
-SPECIAL_BITS = {
-    8028: ", which on some PLCs makes T32–T62 timers of 10 ms,",
-    8031: ", which clears what is not latched,",
-    8032: ", which clears what is latched,",
-    8034: ", which switches all outputs off,",
-    8035: ", which with M8036 and M8037 forces RUN and STOP,",
-    8036: ", which forces RUN,",
-    8037: ", which forces STOP,",
-    8039: ", which makes the scan last as long as D8039 says,",
-    8160: ", which makes XCH swap bytes,",
-    8161: ", the 8-bit mode of RS (RS2 has that of the format word which CPAVL takes),",
-}
+#: Bits that change instructions, or the whole PLC, and do not here, by M's address.
+SPECIAL_BITS = frozenset((8028, 8031, 8032, 8034, 8035, 8036, 8037, 8039, 8160, 8161))
 #: The special devices that do something here.
 _ALIVE = device_ranges(
     "M8000-8004 M8011-8014 M8020-8022 M8024 M8033 M8038 M8061 M8063 M8067-8068 M8179 M8200-8234 "
@@ -34,16 +24,16 @@ def not_simulated(extent: Extent, *, with_rs: bool, family: Family) -> Iterator[
     So of counters that count in hardware. ``with_rs``: of a program with an RS.
     """
     if extent.letter == "C" and extent.first >= FIRST_FAST_COUNTER:
-        yield f"C{extent.first} counts in hardware, which is not simulated: it never counts"
+        yield say("program_fast_counter", number=extent.first)
     letter, known = extent.letter, (*_ALIVE, *(_OF_RS if with_rs else ()))
     for address in range(max(extent.first, FIRST_SPECIAL), extent.last + 1) if letter in "MD" else ():
-        effect = SPECIAL_BITS.get(address, "") if letter == "M" else ""
+        effect = say(f"special_{address}") if letter == "M" and address in SPECIAL_BITS else ""
         device = Device(letter, address)
         alive = any(each.holds(device) for each in known)
         own = LINK_STATUS[family].get(device)
         if own is not None and own.address != address == extent.first:
-            yield f"{device} does nothing on an {family}, whose N:N link has {own} in its place"
+            yield say("program_own_place", device=device, family=family, own=own)
         if not alive and own is None and (address == extent.first or (effect and extent.writes)):
             of_rs = any(each.holds(device) for each in _OF_RS)
-            why = "is for RS, which no program of the PLC has" if of_rs else "is not simulated"
-            yield f"{device}{effect} {why}: it changes nothing, and nothing drives it"
+            why = say("program_for_rs") if of_rs else say("program_no_simulation")
+            yield say("program_special", device=device, effect=effect, why=why)

@@ -3,8 +3,9 @@
 import re
 
 from bussim.plc.program.text.catalog import FORMS, Spec
-from bussim.plc.program.text.unsimulated import SKIP, effect_of
+from bussim.plc.program.text.unsimulated import effect_of
 from bussim.wording import nearest, shorten
+from bussim.words.language import say
 
 #: Names that others give to instructions.
 _ELSEWHERE = {
@@ -34,9 +35,9 @@ def unknown(word: str) -> str:
     shown = shorten(repr(word))
     upper = word.upper()
     if re.fullmatch(r"FNC\(?\d*\)?", upper, re.ASCII):
-        return f"{shown} is the number of an instruction; write its name, such as MOV for FNC 12"
+        return say("program_fnc", shown=shown)
     if effect := effect_of(upper):
-        return f"{shown} is an FX3 instruction that is not simulated; {SKIP}: {effect}"
+        return say("program_fx3", shown=shown, skip=say("effect_skip"), effect=effect)
     # A known instruction in a form that it does not have says more than the nearest name.
     for base in (
         upper,
@@ -45,11 +46,11 @@ def unknown(word: str) -> str:
         upper.removeprefix("D").removesuffix("P"),
     ):
         if base in FORMS and base != upper and not FORMS[base].wide:
-            return f"{shown}: {base} has {_forms(FORMS[base].spec)}"
+            return say("program_forms", shown=shown, base=base, forms=_forms(FORMS[base].spec))
     near = _ELSEWHERE.get(upper) or _nearest(upper)
     if near is not None:
-        return f"{shown} is no instruction; did you mean {near}?"
-    return f"{shown} is no instruction"
+        return say("program_no_instruction_mean", shown=shown, near=near)
+    return say("program_no_instruction", shown=shown)
 
 
 def _nearest(upper: str) -> str | None:
@@ -63,10 +64,10 @@ def _forms(spec: Spec) -> str:
     wide = spec.wide_name or f"D{spec.name}"
     match spec.forms:
         case "":
-            return "neither a P (pulse) nor a D (32-bit) form"
+            return say("program_no_forms")
         case "P":
-            return f"the forms {spec.name} and {spec.name}P only"
+            return say("program_form_p", spec=spec.name)
         case "D":
-            return f"the forms {spec.name} and {wide} only"
+            return say("program_form_d", spec=spec.name, wide=wide)
         case _:
-            return f"the forms {spec.name}, {spec.name}P, {wide} and {wide}P"
+            return say("program_form_all", spec=spec.name, wide=wide)

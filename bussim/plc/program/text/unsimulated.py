@@ -10,21 +10,20 @@ from bussim.plc.memory import Family
 from bussim.plc.program.text.catalog import FORMS, SPECS, Form, LadderRole, Spec
 from bussim.plc.program.text.operand_checks import FIRST_FAST_COUNTER
 from bussim.plc.program.text.operands import Operand
+from bussim.words.language import say
 
-SKIP = "--allow-unsimulated (allow_unsimulated: true) skips it"
 #: Stands for an output that is skipped.
 SKIPPED = Spec("(skipped)", LadderRole.OUTPUT)
-#: What they would do, and their names.
+#: The keys of what becomes of the link without them, and their names.
 _EFFECTS = {
-    "its port stays silent; polls: of the PLC make the same requests": "ADPRW",
-    "its port speaks to no inverter; polls: of the PLC make requests": "IVCK IVDR IVRD IVWR IVBWR IVMC EXTR",
-    "interrupts never come, what their programs write stays as it is": "I EI DI IRET",
-    "its counter counts in hardware, which is not simulated: what it sets or resets stays as it is, and its \
-interrupts never come": "HSCS HSCR HSZ",
-    "inputs and outputs change at the ends of a scan, never within it": "REF REFF",
-    "no special module is there, what it would read stays as it is": "FROM TO RD3A WR3A RBFM WBFM",
-    "its rung is never driven": "MEP MEF",
-    "the link goes on, but what it would write stays as it is, shared devices too": """
+    "effect_adprw": "ADPRW",
+    "effect_inverter": "IVCK IVDR IVRD IVWR IVBWR IVMC EXTR",
+    "effect_interrupt": "I EI DI IRET",
+    "effect_fast_counter": "HSCS HSCR HSZ",
+    "effect_refresh": "REF REFF",
+    "effect_module": "FROM TO RD3A WR3A RBFM WBFM",
+    "effect_rung": "MEP MEF",
+    "effect_other": """
         SMOV PRUN MTR SPD PLSY PWM PLSR IST SER ABSD INCD TTMR STMR RAMP ROTC SORT TKY HKY DSW SEGD SEGL ARWS
         ASC PR ASCI HEX CCD VRRD VRSC PID RCR RCL WSFR WSFL SFWR SFRD DECO ENCO SUM BON ANS ANR SQR FLT
         ZPUSH ZPOP ECMP EZCP EMOV ESTR EVAL EBCD EBIN EADD ESUB EMUL EDIV EXP LOGE LOG10 ESQR ENEG INT
@@ -46,7 +45,8 @@ _INTERRUPT = re.compile(r"I[0-9]{1,3}:?", re.ASCII)
 
 def effect_of(name: str) -> str | None:
     """What becomes of the link without a known instruction (in capitals); None if it is none of these."""
-    return _EFFECT.get(_base(name))
+    key = _EFFECT.get(_base(name))
+    return None if key is None else say(key)
 
 
 def _base(name: str) -> str:
@@ -61,11 +61,11 @@ def effect_of_operands(name: str, operands: tuple[Operand, ...], family: Family)
     """What an instruction is whose operands are not simulated, and what becomes of the link without it."""
     counter = name == "OUT" and len(operands) == 2 and operands[0].kind == "C"
     if counter and operands[0].address >= FIRST_FAST_COUNTER:
-        what = f"OUT {operands[0].text} is a counter that counts in hardware (C{FIRST_FAST_COUNTER}–C255)"
-        return what, "it never counts, its contact stays off"
+        what = say("program_hardware", counter=operands[0].text, first=FIRST_FAST_COUNTER)
+        return what, say("program_never")
     if name == "RS2" and family is Family.FX3U and len(operands) == 5 and operands[4].constant in (0, 1):
-        what = f"RS2 with {operands[4].text} is the FX3U's own, with its special devices from D8400 on"
-        return what, "its port stays silent; RS2 with K2–K6 is that of a PW10"
+        what = say("program_rs2", text=operands[4].text)
+        return what, say("program_rs2_silent")
     return None
 
 
