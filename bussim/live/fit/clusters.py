@@ -7,21 +7,18 @@ the states' probabilities is expm((Q - diag(e)) t), and a damaged one expm(Q t) 
 t is expm(Q t).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import exp, inf, lgamma, log, log1p, sqrt
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from bussim.live.fit.statistics import FALL, Estimate
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    Matrices = NDArray[np.float64]
+Matrices = NDArray[np.float64]
 
 #: Bursts are seen if independent errors would look like it less often than this.
 _SEEN = 0.001
@@ -173,7 +170,6 @@ def two_states(frames: Sequence[SeenFrame]) -> TwoStates | None:
     None where no two states explain them better, or with fewer than five bursts. An end of an interval is
     None where the recording does not limit it.
     """
-    import numpy as np
     from scipy.optimize import minimize
 
     frames = frames[:MOST_FRAMES]
@@ -271,8 +267,6 @@ def _likelihood(frames: Sequence[SeenFrame]) -> Callable[[Matrices], Matrices]:
     Frames and the gaps behind them that are alike are evaluated once, and so are pairs of them, pairs of
     pairs and so on.
     """
-    import numpy as np
-
     ends = [*(frame.start for frame in frames[1:]), frames[-1].end]
     kinds: dict[tuple[int, int, bool, int], int] = {}
     order = [
@@ -309,8 +303,6 @@ def _evaluate(
     levels: Sequence[tuple[NDArray[np.int_], NDArray[np.int_]]],
 ) -> Matrices:
     """See :func:`_likelihood`. Matrices are arrays (2, 2, points, frames)."""
-    import numpy as np
-
     good, bad, *rates = np.exp(points.T)[:, :, None]
     away, back = 1 / good, 1 / bad
     errors = [-np.log1p(-rate) * bits / lengths for rate in rates]
@@ -336,8 +328,6 @@ def _leaves(
     away: Matrices, back: Matrices, first: Matrices | float, second: Matrices | float, t: Matrices
 ) -> Matrices:
     """The exponentials of ((-away - first, away), (back, -back - second)) times t, as an array (2, 2, …)."""
-    import numpy as np
-
     a, d = -away - first, -back - second
     half, middle = (a - d) / 2, (a + d) / 2
     root = np.sqrt(half * half + away * back)
@@ -348,8 +338,6 @@ def _leaves(
 
 def _times(one: Matrices, other: Matrices) -> Matrices:
     """Products of matrices whose rows and columns are the first two axes."""
-    import numpy as np
-
     (a, b), (c, d) = one
     (e, f), (g, h) = other
     return np.array([[a * e + b * g, a * f + b * h], [c * e + d * g, c * f + d * h]])
