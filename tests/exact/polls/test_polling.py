@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
@@ -14,54 +13,34 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bussim.devices.contract import BusDevice
-from bussim.devices.free.scripted import Message
-from bussim.devices.lx.model import LxSettings
-from bussim.devices.map.map import Entry
-from bussim.devices.map.model import MapSettings
-from bussim.engines.modbus.adu import Mode
-from bussim.engines.modbus.pdu import FUNCTIONS
-from bussim.engines.modbus.server import Space
-from bussim.exact.polls.from_scenario import poll_lists
 from bussim.exact.polls.master_timing import Direct, Scans, Span, exactly
-from bussim.exact.polls.metrics import PollFigures, poll_figures
 from bussim.exact.polls.whole_scans import mean_whole_scans
-from bussim.line.characters import CharFormat, LineTiming
 from bussim.line.protocols import BusProtocol
-from bussim.plc.memory import parse_device
-from bussim.plc.ports.spec import FreeSpec, PollSpec
 from bussim.plc.profiles import PROFILES
-from bussim.plc.program.program import Program
 from bussim.scenario import fault_kinds, model
+from tests.exact.polls.poll_buses import (
+    ask,
+    figures,
+    four_polls,
+    only,
+    random_bus,
+    reasons,
+    station,
+    with_polls,
+)
 from tests.selection import quick
 from tests.sim.build import MS, SECOND, Done, fault, run
-from tests.sim.serial import FREE, MASTER, PLAIN, SLAVE, device, hmi, plc, poll, port, scripted, serial_bus
+from tests.sim.serial import MASTER, PLAIN, hmi, plc, poll, port, serial_bus
 
 #: Standard deviations that a mean of a fixed seed may be off.
 SIGMAS = 4.5
+
+
 #: Random buses.
 SEEDS = 40
+
+
 EXTRA = PROFILES["pw10"].transaction_time
-WORDS = MapSettings((Entry(Space.HOLDING, 0, count=200, writable=True),), FUNCTIONS)
-
-
-def station(name: str = "feeder", number: int = 1, **given: object) -> BusDevice:
-    return device(name, "map", number, settings=WORDS, **given)
-
-
-def ask(name: str = "a", number: int = 1, *, to: str | None = "D400", **given: object) -> PollSpec:
-    values: dict[str, object] = {"function": 3, "address": 0, "count": 2, **given}
-    device = parse_device(to) if to else None
-    return PollSpec(name, "COM3", number, device=device, **values)  # type: ignore[arg-type]
-
-
-def figures(scenario: model.Scenario) -> dict[str, PollFigures]:
-    return {node: poll_figures(found) for node, found in poll_lists(scenario).items()}
-
-
-def only(scenario: model.Scenario) -> PollFigures:
-    (found,) = figures(scenario).values()
-    return found
 
 
 # -- whole scans, against scans drawn one by one ------------------------------------------------------
@@ -204,76 +183,6 @@ def test_means_against_draws(
         assert abs(float(sample.mean()) - mean / MS) < SIGMAS * error + 2e-4
 
 
-# -- against the simulation ---------------------------------------------------------------------------
-
-LINES = [
-    (LineTiming(baud, CharFormat.parse(text)), Mode.RTU)
-    for baud in (4800, 9600, 19200, 38400, 115200)
-    for text in ("8N1", "8E1", "8N2")
-]
-LINES += [(LineTiming(9600, CharFormat.parse("7E1")), Mode.ASCII)]
-
-
-def random_bus(seed: int) -> model.Scenario:
-    """A master (a PLC or an HMI) with random polls of random slaves."""
-    rng = random.Random(seed)
-    timing, mode = rng.choice(LINES)
-    slaves: list[BusDevice] = []
-    plcs: list[model.Plc] = []
-    given = {"timing": timing, "mode": mode}
-    for number in range(1, rng.randint(2, 4)):
-        kind = rng.choice(["map", "map", "lx", "plc", "stepper"])
-        if kind == "stepper" and mode is Mode.RTU and str(timing.format) == "8N1" and timing.baud != 57600:
-            slaves.append(device(f"s{number}", "stepper", number, **given))
-        elif kind == "lx":
-            scan = model.Scan(rng.randint(1, 9) * MS, rng.choice([0, MS // 2]))
-            slaves.append(device(f"s{number}", "lx", number, settings=LxSettings(scan), **given))
-        elif kind == "plc":
-            words = {"form": form(timing)}
-            slave = SLAVE if mode is Mode.RTU else "modbus-ascii-slave"
-            own = port("COM4", slave, station=number, **words)
-            plcs.append(plc(f"q{number}", own, scan=rng.randint(1, 9) * MS, jitter=rng.choice([0, MS // 2])))
-        else:
-            delay, jitter = rng.choice([(0, 0), (4 * MS, 0), (2 * MS, 6 * MS)])
-            slaves.append(station(f"s{number}", number, delay=delay, jitter=jitter, **given))
-    stations = len(slaves) + len(plcs)
-    every = rng.choice([[0], [0], [200 * MS], [700 * MS], [0, 300 * MS], [150 * MS, 400 * MS, 900 * MS]])
-    specs = []
-    for number in range(rng.randint(1, 5)):
-        function, count = rng.choice([(3, 1), (3, 10), (6, 1), (16, 4), (3, 30)])
-        specs.append(
-            ask(
-                f"p{number}",
-                rng.randint(1, stations),
-                to=None,
-                function=function,
-                address=rng.choice([0, 2]) if function == 3 else 8,
-                count=count,
-                values=(1,) * count if function != 3 else (),
-                every=rng.choice(every),
-                retries=rng.randint(0, 2),
-                times=3 if rng.random() < 0.1 else None,
-            )
-        )
-    if rng.random() < 0.3:
-        polls = tuple(replace(spec, port="") for spec in specs)
-        interval = rng.choice([0, 5, 40]) * MS
-        master = hmi("panel", *polls, timeout=600 * MS, interval=interval, **given)
-        return serial_bus([*slaves, master], plcs, seconds=20, seed=seed, timing=timing)
-    words = {"form": form(timing), "interval": rng.choice([0, 10, 300])}
-    protocol = MASTER if mode is Mode.RTU else "modbus-ascii-master"
-    own = port("COM3", protocol, timeout=60, **words)
-    mean = rng.randint(1, 12) * MS
-    plcs.append(plc("press", own, polls=specs, scan=mean, jitter=rng.choice([0, mean // 8, mean // 2])))
-    return serial_bus(slaves, plcs, seconds=20, seed=seed, timing=timing)
-
-
-def form(timing: LineTiming) -> int:
-    from bussim.plc.ports.cpavl import format_word
-
-    return format_word(timing, eight_bit=False)
-
-
 def good(done: Done, node: str, name: str) -> list[tuple[int, int, int, int]]:
     """(asked, replied, served, taken) of a poll's good transactions, from the second on."""
     return [
@@ -354,15 +263,6 @@ def test_the_bus_load_is_that_of_the_wire() -> None:
         done = run(scenario, traced=False)
         load = done.totals.buses[0].busy / scenario.duration
         assert found.load[0] * 0.995 <= load <= found.load[1] * 1.005
-
-
-# -- with errors --------------------------------------------------------------------------------------
-
-
-def four_polls(**given: object) -> model.Scenario:
-    polls = [ask(name, retries=3, to=None, every=given.get("every", 0)) for name in "abcd"]
-    press = plc("press", port("COM3", MASTER, timeout=10), polls=polls, jitter=MS)
-    return serial_bus([station()], [press], seconds=60)
 
 
 @pytest.mark.parametrize("every", [0, 2 * SECOND])
@@ -545,176 +445,3 @@ def test_a_broadcast_waits_its_turnaround_and_cannot_fail() -> None:
     assert [poll.name for poll in found.dead[0].polls] == ["a"]
     done = run(scenario)
     assert {cycle.duration for cycle in done.record.cycles[1:]} == {found.cycle.least}  # type: ignore[union-attr]
-
-
-# -- where there are no figures -----------------------------------------------------------------------
-
-
-def reasons(scenario: model.Scenario, node: str = "press.COM3") -> str:
-    found = figures(scenario)[node]
-    assert not found.model.valid
-    form = found.to_json()
-    assert form["valid"] is False
-    assert set(form["cycle_ms"].values()) == {None}  # type: ignore[attr-defined]
-    assert (form["worst_case_ms"], form["polls"], form["dead"]) == (None, {}, {})
-    assert all(sentence.startswith("no figures: ") for sentence in found.in_words())
-    return "; ".join(found.model.obstacles)
-
-
-def with_polls(
-    *polls: PollSpec, devices: tuple[BusDevice, ...] = (station(),), **words: int
-) -> model.Scenario:
-    return serial_bus(devices, [plc("press", port("COM3", MASTER, **words), polls=polls)], seconds=5)
-
-
-def test_two_masters() -> None:
-    scenario = serial_bus(
-        [station(), hmi("panel", poll())], [plc("press", port("COM3", MASTER), polls=[ask()])]
-    )
-    assert "panel also asks on bus: requests and responses collide" in reasons(scenario)
-    assert "press.COM3 also asks" in reasons(scenario, "panel")
-    # One without polls is silent.
-    quiet = replace(scenario, plcs=(replace(scenario.plcs[0], polls=()),))
-    assert list(figures(quiet)) == ["panel"]
-    assert only(quiet).model.valid
-
-
-def test_a_protocol_of_its_own() -> None:
-    spec = FreeSpec("say", "COM3", parse_device("D200"), 5, every=SECOND)
-    scenario = serial_bus([], [plc("press", port("COM3", FREE), polls=[spec])])
-    assert "free protocol" in reasons(scenario)
-    reader = scripted("reader", Message(b"123\r", at=0, every=SECOND))
-    assert "reader sends on bus in a protocol of its own" in reasons(
-        with_polls(ask(), devices=(station(), reader))
-    )
-
-
-def test_a_program() -> None:
-    scenario = with_polls(ask())
-    program = Program.parse("LD M8000\nOUT Y0\nEND\n", "a.il")
-    press = replace(scenario.plcs[0], program=program)
-    assert "its program makes scans longer" in reasons(replace(scenario, plcs=(press,)))
-    rs2 = Program.parse("LD M8000\nRS2 D100 H0 D101 D200 K3\nEND\n", "b.il")
-    press = replace(scenario.plcs[0], program=rs2, polls=())
-    scenario = replace(scenario, plcs=(press,), devices=(*scenario.devices, hmi("panel", poll())))
-    assert "its program drives RS2" in reasons(scenario)
-    assert "press.COM3 also asks" in reasons(scenario, "panel")
-    slave = plc("other", port("COM4", SLAVE, station=2), program=program)
-    scenario = with_polls(ask(number=2))
-    assert "its program makes its scans longer" in reasons(replace(scenario, plcs=(*scenario.plcs, slave)))
-
-
-@pytest.mark.parametrize(
-    ("changes", "why"),
-    [
-        ({"number": 9}, "no slave on bus responds as station 9"),
-        ({"count": 126}, "it cannot be sent (data)"),
-        ({"function": 7}, "it cannot be sent (unsupported function)"),
-        (
-            {"address": 199},
-            "feeder refuses it every time: it does not have all of these addresses (exception 02)",
-        ),
-        ({"to": "D8255"}, "2 items do not lie in memory from D8255 on"),
-        ({"function": 16, "to": None, "values": (1,)}, "it has 1 value for 2 addresses"),
-        ({"function": 1, "count": 8, "to": "M0"}, "it does not have all of these addresses"),
-    ],
-)
-def test_polls_that_fail_every_time(changes: dict[str, object], why: str) -> None:
-    scenario = with_polls(ask(**changes))  # type: ignore[arg-type]
-    assert why in reasons(scenario)
-    done = run(scenario)
-    assert "ok" not in {record.outcome for record in done.record.transactions}
-
-
-def test_slaves_that_cannot_serve_it() -> None:
-    stepper = device("drive", "stepper")
-    assert "it does not have that function (exception 01)" in reasons(
-        with_polls(ask(function=4), devices=(stepper,))
-    )
-    assert "does not allow writing there" in reasons(
-        with_polls(ask(function=6, address=0x16, count=1, to=None, values=(1,)), devices=(stepper,))
-    )
-    assert "refuses these values (exception 03)" in reasons(
-        with_polls(ask(function=6, address=0x10, count=1, to=None, values=(999,)), devices=(stepper,))
-    )
-    # What becomes of a command depends on the motor: that is no reason.
-    go = ask(function=5, address=7, count=1, to=None, values=(1,))
-    assert only(with_polls(go, devices=(stepper,))).model.valid
-    twice = (station(), station("twin"))
-    assert "feeder, twin both respond as station 1" in reasons(with_polls(ask(), devices=twice))
-    fast = station(timing=LineTiming(19200, CharFormat(8, "N", 1)))
-    assert "no slave on bus responds as station 1, feeder has another format or mode" in reasons(
-        with_polls(ask(), devices=(fast,))
-    )
-
-
-def test_a_timeout_too_short() -> None:
-    stepper = device("drive", "stepper")
-    assert (
-        "the response of drive takes 44.375 ms from the request's end on: it never comes in time"
-        in reasons(with_polls(ask(), devices=(stepper,), timeout=4))
-    )
-    some = station(delay=30 * MS, jitter=20 * MS)
-    assert "it may come too late" in reasons(with_polls(ask(), devices=(some,), timeout=5))
-    assert only(with_polls(ask(), devices=(some,), timeout=6)).model.valid
-
-
-def test_a_slave_that_needs_a_longer_silence() -> None:
-    # 4.5 characters for the V80 (at every rate), 3.5 for the master: it misses what follows at once.
-    devices = (station(), device("pump", "v80", 2))
-    polls = (poll("a"), poll("b", 2))
-    hasty = serial_bus([*devices, hmi("panel", *polls, interval=0)], seconds=3)
-    assert "pump needs 4.688 ms of silence before a request, and gets 3.646 ms" in reasons(hasty, "panel")
-    assert "no response in time" in {r.outcome for r in run(hasty).record.transactions}
-    patient = serial_bus([*devices, hmi("panel", *polls, interval=2 * MS)], seconds=3)
-    assert only(patient).model.valid
-    assert {r.outcome for r in run(patient).record.transactions} == {"ok"}
-
-
-def test_bad_words_of_a_port() -> None:
-    scenario = with_polls(ask(), form=form(LineTiming(9600, CharFormat(7, "E", 1))))
-    assert "7 data bits, RTU needs 8" in reasons(scenario)
-
-
-def test_periods_and_commands_in_words() -> None:
-    def remarks(*polls: PollSpec) -> tuple[str, ...]:
-        return only(with_polls(*polls)).remarks
-
-    assert remarks(ask(every=SECOND)) == ()
-    assert remarks(ask()) == ()
-    assert "turns of go come on top of the cycle" in remarks(ask(), ask("go", times=1, to=None))[0]
-    assert "goes round without a pause" in remarks(ask(every=30 * MS), ask("b", every=30 * MS))[0]
-    assert "then a turn is left out" in remarks(ask(every=40 * MS), ask("b", every=900 * MS))[0]
-    assert "b has no period and so fill" in remarks(ask(every=SECOND), ask("b"))[0]
-
-
-def documents() -> Iterator[dict[str, object]]:
-    for seed in range(6):
-        for found in figures(random_bus(seed)).values():
-            yield found.to_json()
-
-
-def test_the_json_form() -> None:
-    import json
-
-    for form_ in documents():
-        assert json.loads(json.dumps(form_)) == form_
-    found = only(four_polls())
-    form_ = found.to_json()
-    assert form_["dead"] == {
-        "feeder": {
-            "devices": ["feeder"],
-            "polls": ["a", "b", "c", "d"],
-            "attempts": 16,
-            "lost_ms": 1600.0,
-            "cycle_ms": {
-                "min": found.dead[0].cycle.least / MS,
-                "max": found.dead[0].cycle.most / MS,
-                "mean_at_most": found.dead[0].cycle.most / MS,
-            },
-        }
-    }
-    assert form_["timeout_ms"] == 100
-    assert form_["cycle_ms"]["mean"] == found.mean / MS  # type: ignore[index,operator]
-    first = form_["polls"]["a"]  # type: ignore[index]
-    assert first["response_ms"] == {"min": (9 + 3.5) * 10 / 9.6, "max": (9 + 3.5) * 10 / 9.6}
