@@ -53,11 +53,12 @@ class BlockPath:
         self._kernel = kernel
         self._poll = POLL_CHARS * bus.character
         self._bit = bus.timing.bit
+        self._hit_at = -1  # when a scan begins that chance disturbs
 
     def pass_scans(self, port: LinkStation, now: int) -> bool:
         """Do the ordinary scans that a master begins now; False: nothing was done."""
         bus, kernel, master = self._bus, self._kernel, port.engine
-        if not bus.in_blocks or type(master) is not Master or not master.ordinary:
+        if not bus.in_blocks or type(master) is not Master or not master.ordinary or now == self._hit_at:
             return False
         stations = self._in_step(port, master)
         if stations is None:
@@ -126,7 +127,7 @@ class BlockPath:
             or silence >= min(slave.watchdog for slave in stations.slaves)
         ):
             return None
-        most = min(_MOST, (until - now) // least + 1)
+        most = wanted = min(_MOST, (until - now) // least + 1)
         for port in polled:
             most = disturber.replies_kept(port.position, now, most)
         if disturber.active:
@@ -134,11 +135,14 @@ class BlockPath:
             most = self._kept(stations, [starts] * (1 + 2 * len(polled)), varying=False)
         if not most:
             return None
+        kept = most
         turnarounds = np.array([port.turnarounds.ahead(most) for port in polled])
         scans = ordinary_scans(config, stations.master.counter, now, turnarounds, self._poll, data)
-        most = int(scans.replied[-1].searchsorted(until))
+        most = over = int(scans.replied[-1].searchsorted(until))
         if disturber.active and most:
             most = self._kept(stations, _starts(scans.first(most)), varying=True)
+        if most < over or over == kept < wanted:
+            self._hit_at = int(scans.starts[most])
         return scans.first(most) if most else None
 
     def _kept(self, stations: _Stations, starts: Sequence[np.ndarray], *, varying: bool) -> int:

@@ -35,6 +35,8 @@ class Line(Cable):
 
     #: How trace records name the protocol of this line, where a frame does not name it.
     protocol = ""
+    #: Whether what nothing can come between is done ahead of its event.
+    in_blocks = False
 
     def __init__(self, name: str, timing: LineTiming, sink: Sink, reporter: Notes) -> None:
         super().__init__()

@@ -188,7 +188,11 @@ class Node(LineNode):
         if self.tail is not None:
             self.release(now)
         self.sending = tx = line.begin(self, frame, now)
-        self._end_timer.set(tx.end)
+        if line.in_blocks and tx.end < self._kernel.next():
+            self._kernel.now = tx.end  # nothing happens before: an event for it is one too many
+            self._on_end(tx.end)
+        else:
+            self._end_timer.set(tx.end)
 
     def _on_end(self, now: int) -> None:
         tx = self.sending
