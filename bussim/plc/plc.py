@@ -124,7 +124,10 @@ class Plc:
         self.on_wake: Callable[[int], None] | None = None
 
     def may_rest(self) -> None:
-        """Leave ENDs out, from RUN on, that nothing shows; its driver sets :attr:`on_wake`."""
+        """Leave ENDs out, from RUN on, that nothing shows; its driver sets :attr:`on_wake`.
+
+        Where every END is told, it is all that those do.
+        """
         program, status = self._program, LINK_STATUS[self.profile.family].values()
         depends = dependence(program) if program is not None else Dependence()
         shown = self.port_registers or self._observes_specials or any(at in status for at in self._observed)
@@ -391,7 +394,8 @@ class Plc:
         if self.state is not PlcState.RUN:
             return None
         if self.every_end:
-            earliest = max(self._done + 1, self._rests_until, now)
+            told = self.observer is not None and self.observer.takes_ends
+            earliest = max(self._done + 1, -1 if told else self._rests_until, now)
             return None if earliest >= NEVER else self.cycle.next_end(earliest, now)
         wanted: int | None = None
         for port in self._port_list:
@@ -414,6 +418,9 @@ class Plc:
         """
         self._done = now
         logic, port_registers, observer = self.logic, self.port_registers, self.observer
+        if now < self._rests_until and observer is not None and observer.takes_ends:
+            observer.ended(now)
+            return {}
         if logic is not None and logic.faulted:
             self.record_faults(now)
         if self._stores_blocks:

@@ -217,7 +217,7 @@ class Simulation:
             link = self.nodes.get(name)
             ports = [node for node in self.nodes.values() if isinstance(node, PlcPort) and node.plc is plc]
             clock = EndClock(plc, self.kernel, ports, len(units)) if plc.has_ends else None
-            if self.may_rest and name not in timed:
+            if self.may_rest:
                 plc.may_rest()
             clocks[name] = plc, clock.timer if clock is not None else None
             self._probes.append(PlcProbe(plc, programs[name], self._sink, ends=name in timed))

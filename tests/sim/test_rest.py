@@ -4,21 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import pytest
 
 import bussim
+from bussim.plc.logic import Logic
 from bussim.plc.memory import BIT_RANGES
 from bussim.plc.plc import Plc
 from bussim.scenario import builtin, model
+from bussim.scenario.loader import loads
 from bussim.sim.nn.bus import LinkBus
 from bussim.sim.runner import Simulation
 from bussim.sim.serial.bus import SerialBus
 from tests.selection import quick
 from tests.sim import ladders
-from tests.sim.build import Done, run
+from tests.sim.build import SECOND, Done, run
 
 
 @contextmanager
@@ -63,6 +67,25 @@ def test_random_ports(seed: int) -> None:
     compare(ladders.with_ports(seed), traced=seed % 4 == 0)
 
 
+def _timed(seed: int) -> model.Scenario:
+    """A random scenario with a latency between two of its PLCs, whose every END is told."""
+    made, rng = ladders.scenario(seed), Random(seed)
+    source, target = rng.choice(made.plcs), rng.choice(made.plcs)
+    entry = model.Latency("timed", source.name, "X0", target.name, rng.choice(["M0", "Y0", "D410"]))
+    plcs = [
+        replace(plc, observed=(*plc.observed, *{"X0", entry.target} - {*plc.observed}))
+        if plc in (source, target)
+        else plc
+        for plc in made.plcs
+    ]
+    return replace(made, plcs=tuple(plcs), latency=(entry,))
+
+
+@pytest.mark.parametrize("seed", quick(8, range(300)))
+def test_random_latencies(seed: int) -> None:
+    compare(_timed(seed), traced=seed % 4 == 0)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", builtin.names())
 def test_built_in(name: str, tmp_path: Path) -> None:
@@ -76,6 +99,22 @@ def test_built_in(name: str, tmp_path: Path) -> None:
             bussim.run(scenario, out=tmp_path / "a", trace=True)
         folders.append({path.name: path.read_bytes() for path in (tmp_path / "ab"[number]).iterdir()})
     assert folders[0] == folders[1]
+
+
+def test_most_ends_of_a_latency_scan_no_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    scans = 0
+    original = Logic.scan
+
+    def counted(self: Logic, now: int) -> int:
+        nonlocal scans
+        scans += 1
+        return original(self, now)
+
+    monkeypatch.setattr(Logic, "scan", counted)
+    done = run(replace(loads(builtin.read("interlock")), duration=10 * SECOND), traced=False)
+    told = sum(map(len, done.record.all_ends.values()))
+    assert told > 3000
+    assert scans < 0.2 * told
 
 
 def test_most_ends_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
