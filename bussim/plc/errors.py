@@ -63,10 +63,6 @@ class SerialErrors:
         self._show(number)
         return number
 
-    def raised(self, cause: Hashable) -> bool:
-        """Whether a cause has raised a code and is not over."""
-        return cause in self._codes
-
     def over(self, cause: Hashable) -> None:
         """A cause is over; nothing happens if it was none."""
         gone = self._codes.pop(cause, 0)

@@ -21,7 +21,6 @@ from bussim.engines.modbus.events import (
     FrameRejected,
     MasterEvent,
     PollEnded,
-    PollEvent,
     TransactionEnded,
 )
 from bussim.engines.modbus.master import Master, refusal
@@ -58,13 +57,13 @@ class Times(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """A poll's turn with one good transaction, and what it has brought to an end in the list."""
+    """A turn with one good transaction, in ticks."""
 
-    poll: int  # in the list, from 0
     sent: int
     begun: int  # first edge of the response
     taken: int
-    ended: tuple[PollEvent, ...]
+    driven: int
+    late: int
 
 
 class MasterSide(Side):
@@ -120,7 +119,7 @@ class MasterSide(Side):
         """Whether a poll's first attempt leaves at this END, of a port without an error."""
         first = self._list.running is not None and self._list.attempt == 1
         due = self._call is not None and max(self._earliest, self.engine.ready_at) <= end
-        return first and due and not self._status.failing
+        return first and due and not self._status.bit(COMMUNICATION_ERROR)
 
     def can_be_sent(self, poll: PollSpec) -> bool:
         """Whether RS2 can send a poll's request."""
@@ -128,13 +127,14 @@ class MasterSide(Side):
 
     def pass_turns(
         self, now: int, until: int, cycle: ScanCycle, load: int, longest: int, times: Sequence[Times]
-    ) -> list[Turn]:
+    ) -> tuple[list[tuple[int, Turn]], list[CycleEnded]]:
         """Do the turns from the END ``now`` on, at which a request leaves, that are over before ``until``.
 
         ``longest`` is the longest scan without ``load``, by which a transaction lengthens it; ``times`` are
-        those of each poll. What is read is not stored.
+        those of each poll. What is read is not stored. Returns the turns with their polls' numbers in the
+        list, and its cycles.
         """
-        polls, turns = self._list, list[Turn]()
+        polls, turns, cycles = self._list, list[tuple[int, Turn]](), list[CycleEnded]()
         at = taken = now
         poll: PollSpec | None = None
         longest += load + max(sum(each[:2]) + sum(each[3:6]) for each in times)
@@ -148,7 +148,11 @@ class MasterSide(Side):
             cycle.set_load(at, load, now)
             taken = cycle.next_end(over + closing, now)
             cycle.set_load(taken, 0, now)
-            turns.append(Turn(index, at, begun, taken, polls.ended(taken, None)[1]))
+            for item in polls.ended(taken, None)[1]:
+                if isinstance(item, CycleEnded):
+                    cycles.append(item)
+                else:
+                    turns.append((index, Turn(at, begun, taken, item.start, item.late)))
             poll = polls.take(taken)
             while poll is None and (due := polls.next_due()) is not None:
                 end = cycle.next_end(max(due, taken + 1), now)
@@ -161,11 +165,11 @@ class MasterSide(Side):
                     break
         if turns:
             self._owner = self._call = None
-            for bit in (RUNNING, COMMUNICATION_ERROR, TIMED_OUT):
-                self._status.set_bit(bit, 0)
+            self._status.set_bit(RUNNING, 0)
+            self._status.set_bit(TIMED_OUT, 0)
             if poll is not None:
                 self._execute_poll(poll, taken)
-        return turns
+        return turns, cycles
 
     def store(self, poll: PollSpec, values: Sequence[int]) -> None:
         """What a poll has read goes into memory."""

@@ -41,11 +41,6 @@ class PortStatus:
         """Show a word of the port."""
         self.memory.set_word(self._words.letter, self._words.address + offset, value)
 
-    @property
-    def failing(self) -> bool:
-        """Whether the port has raised an error that is not over."""
-        return self._errors.raised(self.port)
-
     def failed(self, error: PortError, now: int, text: str = "") -> None:
         """The port raises 7xyy."""
         code = self._errors.report(self.port, self.port, error)

@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from bussim.engines.modbus.events import CycleEnded, PollEnded
 from bussim.engines.modbus.master import Master
 from bussim.engines.modbus.pdu import ExceptionResponse, Request, Response, response_size
 from bussim.engines.modbus.server import serve
@@ -78,91 +77,55 @@ class TurnPath:
         ):
             return False
         load, times = plc.profile.transaction_time, [poll.times for poll in polls]
-        turns = side.pass_turns(now, until, plc.cycle, load, plc.longest_drawn, times)
-        if turns:
-            self._count(port, polls, turns[:-1])
-            self._leave(port, side, polls, turns)
-            self._record(port, side, polls, turns)
-        return bool(turns)
+        turns, cycles = side.pass_turns(now, until, plc.cycle, load, plc.longest_drawn, times)
+        if not turns:
+            return False
+        of: dict[int, list[Turn]] = {}
+        for number, turn in turns:
+            of.setdefault(number, []).append(turn)
+        self._leave(port, side, polls, of)
+        bus, master = port.bus, port.name
+        found = []
+        for number, own in of.items():
+            (request, exchange, each, chars), spec, first = polls[number], side.polls[number], own[0]
+            asked, over = first.sent + each.asking, first.begun + each.responding
+            asking = bus.name, master, spec.name, 1, spec.station, *request[:3], first.sent, asked
+            outcome = first.begun, over, over + each.closing, first.taken, "ok", None, 0
+            record = TransactionRecord(
+                *asking, *outcome, asked + exchange.served, mismatched=False, chars=chars
+            )
+            found.append(OrdinaryTurns(record, exchange.slave.name, *map(list, zip(*own, strict=True))))
+        ended = [(item.number, item.tick - item.duration, item.duration) for item in cycles]
+        bus.sink.ordinary_turns(found, [CycleRecord(bus.name, master, *item) for item in ended])
+        return True
 
-    def _count(self, port: PlcPort, polls: Sequence[_Poll], turns: Sequence[Turn]) -> None:
-        bus, reporter = port.bus, port.reporter
-        bus.frames += 2 * len(turns)
-        for turn in turns:
-            poll = polls[turn.poll]
-            bus.busy += poll.times.asking + poll.times.responding
-            counts = reporter.counts(poll.exchange.slave.name)
-            counts.requests += 1
-            counts.answered += 1
-
-    def _leave(self, port: PlcPort, side: MasterSide, polls: Sequence[_Poll], turns: Sequence[Turn]) -> None:
-        """Leave memory and engines as the turns do."""
-        for turn in sorted({turn.poll: turn for turn in turns}.values(), key=lambda turn: turn.sent):
-            poll, spec = polls[turn.poll], side.polls[turn.poll]
-            served = turn.sent + poll.times.asking + poll.exchange.served
-            response = _served(poll, spec.station, served)
+    def _leave(
+        self, port: PlcPort, side: MasterSide, polls: Sequence[_Poll], of: dict[int, list[Turn]]
+    ) -> None:
+        """Leave memory, engines and counts as the turns of each poll do."""
+        bus, engine = port.bus, side.engine
+        for number, own in sorted(of.items(), key=lambda item: item[1][-1].sent):
+            poll, spec, sent = polls[number], side.polls[number], own[-1].sent
+            response = _served(poll, spec.station, sent + poll.times.asking + poll.exchange.served)
             if isinstance(response, Response):
                 side.store(spec, response.values)
-        # The loop has ended with the last turn of all.
-        engine, sent = side.engine, turns[-1].sent
+            bus.frames += 2 * len(own)
+            bus.busy += len(own) * (poll.times.asking + poll.times.responding)
+            counts = port.reporter.counts(poll.exchange.slave.name)
+            counts.requests += len(own)
+            counts.answered += len(own)
+        # The last one of all is done, and counted, by the engines.
+        bus.frames -= 2
+        bus.busy -= poll.times.asking + poll.times.responding
+        counts.requests -= 1
+        counts.answered -= 1
         engine.submit(spec.station, poll.request, sent)
         frame = engine.begin_transmit(sent, engine.due_counter)
         port.request_chars = len(frame.chars)
-        path = port.bus.transaction_path
-        whole = path.pass_frames(poll.exchange, port, frame, sent, turns[-1].begun)
+        whole = bus.transaction_path.pass_frames(poll.exchange, port, frame, sent, own[-1].begun)
         engine.receive_complete(*whole, whole[2] + poll.times.closing)
         while engine.poll() is not None:
             pass  # the outcome is taken over already
-
-    def _record(self, port: PlcPort, side: MasterSide, polls: Sequence[_Poll], turns: Sequence[Turn]) -> None:
-        bus, master = port.bus.name, port.name
-        of: dict[int, list[Turn]] = {}
-        cycles: list[CycleRecord] = []
-        for turn in turns:
-            of.setdefault(turn.poll, []).append(turn)
-            for item in turn.ended:
-                if isinstance(item, CycleEnded):
-                    begun = item.tick - item.duration
-                    cycles.append(CycleRecord(bus, master, item.number, begun, item.duration))
-        found = []
-        for number, own in of.items():
-            (request, exchange, times, chars), spec, first = polls[number], side.polls[number], own[0]
-            asked, over = first.sent + times.asking, first.begun + times.responding
-            record = TransactionRecord(
-                bus=bus,
-                master=master,
-                poll=spec.name,
-                attempt=1,
-                station=spec.station,
-                function=request.function,
-                address=request.address,
-                quantity=request.quantity,
-                sent=first.sent,
-                asked=asked,
-                answer_start=first.begun,
-                answer_end=over,
-                end=over + times.closing,
-                taken=first.taken,
-                outcome="ok",
-                error=None,
-                exception=0,
-                served=asked + exchange.served,
-                mismatched=False,
-                chars=chars,
-            )
-            ended = [item for turn in own for item in turn.ended if isinstance(item, PollEnded)]
-            found.append(
-                OrdinaryTurns(
-                    record,
-                    exchange.slave.name,
-                    [turn.sent for turn in own],
-                    [turn.begun for turn in own],
-                    [turn.taken for turn in own],
-                    [item.start for item in ended],
-                    [item.late for item in ended],
-                )
-            )
-        port.bus.sink.ordinary_turns(found, cycles)
 
 
 def _poll(port: PlcPort, master: Master, request: Request, exchange: Exchange) -> _Poll:
