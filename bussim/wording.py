@@ -73,9 +73,7 @@ def plain_form(char: str) -> str | None:
 def names(options: Iterable[str]) -> str:
     """A list of names for a message, cut after a dozen."""
     listed = [shorten(option) for option in options]
-    if len(listed) > 12:
-        return ", ".join(listed[:12]) + ", …"
-    return ", ".join(listed)
+    return ", ".join(listed[:12]) + ", …" if len(listed) > 12 else ", ".join(listed)
 
 
 def nearest(name: str, options: Sequence[str], *, cutoff: float = 0.6) -> str | None:

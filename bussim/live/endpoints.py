@@ -292,9 +292,7 @@ def _respect_lock(url: str) -> None:
 
 
 def _is_instant(url: str) -> bool:
-    if "://" in url:
-        return not url.startswith("rfc2217://")
-    return _is_terminal(url)
+    return not url.startswith("rfc2217://") if "://" in url else _is_terminal(url)
 
 
 def _is_terminal(url: str) -> bool:

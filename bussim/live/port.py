@@ -96,9 +96,7 @@ class LivePort:
             self._start = self.clock.now()
             self._end = self._start + self._timing.characters(len(self._out))
             self.echo.sent(self._out, frame, response=self._slave)
-        if self._written < len(self._out):
-            return self._write()
-        return self._end
+        return self._write() if self._written < len(self._out) else self._end
 
     def _write(self) -> int:
         assert self._end is not None  # noqa: S101 - narrows the type

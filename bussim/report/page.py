@@ -314,6 +314,4 @@ def _commands(source: Source, command: Sequence[str]) -> list[str]:
 
 def labels_of(names: Sequence[str], sources: Iterable[Any]) -> list[str]:
     """A different label for each run: its folder's name, or more where that is not enough."""
-    if len(set(names)) == len(names):
-        return list(names)
-    return run_labels(list(sources))
+    return list(names) if len(set(names)) == len(names) else run_labels(list(sources))

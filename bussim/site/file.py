@@ -50,9 +50,7 @@ def load(path: Path) -> Readout | Calibration:
     if kind == "profile":
         raise UsageError(f"{path} is a profile: name it as profile: of a readout")
     form, cut = read_form(CalibrationIn if kind == "calibration" else ReadoutIn, data, (), report)
-    made: Any = None
-    if form is not None and not cut:
-        made = _Reader(form, report, path.parent).made()
+    made = None if form is None or cut else _Reader(form, report, path.parent).made()
     if report.errors:
         raise ScenarioError(report.errors)
     assert isinstance(made, Readout | Calibration)  # noqa: S101 - without mistakes there is one

@@ -299,9 +299,7 @@ def _logarithmic(first: Decimal, last: Decimal, count: int, label: str) -> list[
 def _plain(amount: Decimal) -> str:
     """A number as YAML reads it: 0.01, 50, 1e-4, 3.16228e-6."""
     amount = amount.normalize()
-    if -4 < amount.adjusted() < 15:
-        return f"{amount:f}"
-    return f"{amount:e}".replace("e+", "e")
+    return f"{amount:f}" if -4 < amount.adjusted() < 15 else f"{amount:e}".replace("e+", "e")
 
 
 def _one_unit(values: Sequence[Value]) -> tuple[tuple[Value, ...], str | None]:

@@ -240,9 +240,7 @@ class FreePort(Engine[FreeFrame, FreeEvent]):
 
     def on_deadline(self, now: int) -> int:
         """The reception has timed out: what has come so far is all."""
-        if self._deadline is None:
-            return 0
-        return self._complete(now, Ended.TIMEOUT)
+        return 0 if self._deadline is None else self._complete(now, Ended.TIMEOUT)
 
     def _complete(self, now: int, ended: Ended) -> int:
         self._move(FreeInput.FULL)

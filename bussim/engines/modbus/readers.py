@@ -195,9 +195,7 @@ class AsciiReader(AduReader):
             self._reason = self._error_of(value, parity_ok=parity_ok, stop_ok=stop_ok)
         if self._length <= ASCII_MAX:
             self._buffer.append(value)
-        if value == LF and clean:
-            return self._complete()
-        return None
+        return self._complete() if value == LF and clean else None
 
     def _error_of(self, value: int, *, parity_ok: bool, stop_ok: bool) -> Rejection | None:
         if not stop_ok:

@@ -155,9 +155,7 @@ class Slave(Engine[Adu, SlaveEvent]):
     def line_idle(self, now: int) -> int:
         """The line has been idle for :attr:`quiet` ticks: an RTU frame is complete."""
         completed = self._reader.silence()
-        if completed is None:
-            return 0
-        return self._heard(completed, now)
+        return 0 if completed is None else self._heard(completed, now)
 
     def deadline(self) -> int | None:
         """Never: None. A slave waits for nothing but frames and its driver."""

@@ -150,9 +150,7 @@ def _decode_poll(chars: bytes, body: bytes) -> Frame | None:
     if len(chars) != POLL_CHARS or not _IS_HEX.issuperset(body):
         return None
     station = int(body[0:1], 16)
-    if not 1 <= station <= 7:
-        return None
-    return Frame(POLL, station, int(body[1:2], 16), chars)
+    return None if not 1 <= station <= 7 else Frame(POLL, station, int(body[1:2], 16), chars)
 
 
 def _decode_data(chars: bytes, inner: bytes) -> Frame | None:

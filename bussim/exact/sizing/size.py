@@ -201,14 +201,8 @@ def size(model: LinkModel, goals: Goals | None = None) -> Sizing:
     checked = views[model.absent]
     recommended = recommend(model, goals)
     robust, why_not = _robust(views)
-    unmet: tuple[Unmet, ...] = ()
-    if recommended is None:
-        unmet = unmet_goals(model, goals, checked)
     front, longer = _front(checked, model.reading, recommended)
-    noise_levels = None
-    if not model.noisy:
-        timeout = recommended.timeout if recommended else checked.grid.timeouts[0]
-        noise_levels = noise_levels_of(model, timeout)
+    timeout = recommended.timeout if recommended else checked.grid.timeouts[0]
     return Sizing(
         model,
         goals,
@@ -220,9 +214,9 @@ def size(model: LinkModel, goals: Goals | None = None) -> Sizing:
         robust=robust,
         front=front,
         front_longer=longer,
-        unmet=unmet,
+        unmet=() if recommended else unmet_goals(model, goals, checked),
         robust_unmet=why_not,
-        noise_levels=noise_levels,
+        noise_levels=None if model.noisy else noise_levels_of(model, timeout),
         margins=margins(model, goals, recommended),
         assumptions=assumptions(model, goals, recommended) if recommended else (),
         otherwise=() if recommended else refused_otherwise(model, goals),
