@@ -97,7 +97,6 @@ class StartedRun:
         return open_run(self._folder.result(timeout))
 
     def _read(self, told: Connection) -> None:
-        """Take what the process says, to its end."""
         try:
             while isinstance(said := told.recv(), RunProgress):
                 self._latest = said
@@ -112,7 +111,6 @@ class StartedRun:
             self._folder.set_result(said)
 
     def _why(self) -> str:
-        """Why the process has ended without an outcome."""
         if self.stopped:
             return "the simulation was stopped; what was written is in its folder ….incomplete"
         code = self._process.exitcode or 0
@@ -162,7 +160,6 @@ def start(
 
 
 def _simulate(tells: Connection, parent: int, scenario: bytes, options: dict[str, Any]) -> None:
-    """The process."""
     end_with(parent)
     begun = said = time.monotonic()
 

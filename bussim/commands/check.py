@@ -99,7 +99,6 @@ def describe(scenario: Scenario) -> str:
 
 
 def _program(program: Program) -> str:
-    """A program's size."""
     number = _count(len(program.instructions), "instruction")
     kind = f"; {program.kind}" if program.kind else ""
     return f"program of {_count(program.steps, 'step')} ({number}){kind}"

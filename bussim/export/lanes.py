@@ -126,7 +126,6 @@ class Lanes:
         yield from _changes(low, pending)
 
     def _drivers(self, frame: FrameRecord) -> Iterator[tuple[tuple[int, ...], Driver]]:
-        """The driver of a frame, as lanes have it."""
         sender = self._sender[frame.bus, frame.sender]
         alike = [self._bus[frame.bus]]
         for node, lane in self._receivers[frame.bus]:

@@ -135,8 +135,6 @@ class _Tracks:
 
 
 class _Events:
-    """From records to events."""
-
     def __init__(self, selection: Selection, tracks: _Tracks) -> None:
         self._selection = selection
         self._tracks = tracks

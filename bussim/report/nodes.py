@@ -27,7 +27,6 @@ class Metric(NamedTuple):
 
 
 def _metrics(rows: Iterable[Sequence[Any]]) -> tuple[Metric, ...]:
-    """The figures of the table's rows."""
     found: list[Metric] = []
     for label, path, *decimals in rows:
         *keys, last = path.split(".")

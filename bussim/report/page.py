@@ -290,7 +290,6 @@ def _common(sources: Sequence[Source]) -> list[str]:
 
 
 def _faults(source: Source) -> list[tuple[str, str, str]]:
-    """Faults as texts, from when and until when."""
     # The table is of all buses, so each PLC and bus that a fault names counts.
     subjects = {str(note.detail.get(key)) for note in source.record.notes for key in ("node", "bus")}
     rows = []

@@ -167,7 +167,6 @@ def _events(scene: Scene) -> list[Mark]:
 
 
 def _label_boxes(picture: Picture, axes: Axes, scene: Scene) -> None:
-    """Write each box's label into it where it fits."""
     per_ms = axes.transData.transform((1, 0))[0] - axes.transData.transform((0, 0))[0]
     widths: dict[str, float] = {}
     for box in scene.boxes:

@@ -122,7 +122,6 @@ class Collector:
             self._rows.take(record)
 
     def _link(self, bus: str) -> LinkMeter:
-        """The meter of a bus."""
         if bus not in self._links:
             members = [
                 LinkMember(name, position, self._numbers[name])

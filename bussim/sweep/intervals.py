@@ -67,7 +67,6 @@ def mean_of(values: Sequence[float | None], *, events: bool = False) -> Mean:
 
 
 def _needed(mean: float, spread: float) -> int | None:
-    """The number of repeats that are enough."""
     if mean <= 0:
         return None
     repeats = max(LEAST_REPEATS, ceil((student_t(1_000_000) * spread / (WITHIN * mean)) ** 2))

@@ -158,7 +158,6 @@ def _new(plan: Plan) -> Picture:
 
 
 def _panels(picture: Picture, points: Table, bus: str) -> list[tuple[Axes, str]]:
-    """A panel with its title for each figure."""
     panels = SHOWN[kinds_in(points, [bus])[bus]]
     if len(panels) > 4:
         panels = {figure: title for figure, title in panels.items() if figure not in _ONLY_IN_TABLES}

@@ -117,7 +117,6 @@ def _run_missing(plan: Plan, journal: Journal, executor: Executor, progress: Pro
 
 
 def _run_once(plan: Plan, journal: Journal, executor: Executor, progress: Progress | None) -> None:
-    """Every run that is not in the journal."""
     missing = [plan.job(run) for run in range(plan.runs) if run not in journal.done]
     with closing(executor.run(missing)) as outcomes:
         for outcome in outcomes:
@@ -135,7 +134,6 @@ def _kept(plan: Plan, journal: Journal) -> str:
 
 
 def _write(plan: Plan, journal: Journal, folder: Path) -> None:
-    """The files of a whole sweep."""
     from bussim.scenario.yaml.dump import dumps
     from bussim.sweep.plots import draw
 

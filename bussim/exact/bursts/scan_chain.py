@@ -88,7 +88,6 @@ class ScanChain:
         self.configurations = 1 << len(self._bits)
 
     def _frame(self, path: Sequence[NoiseSource], ticks: int, bits: int, heard: Matrix) -> Matrix:
-        """Over a frame of the master."""
         if len(heard) == 1:
             return self.line.after(ticks)
         clean, hit = self.line.outcome(path, bits)

@@ -31,7 +31,6 @@ Stack = NDArray[np.float64]  # (state before, state after, choice of dead statio
 
 
 def _dot(one: Stack, other: Stack) -> Stack:
-    """One, then the other."""
     if other.shape[1] == 1:
         return np.asarray(one * other)
     return np.asarray(np.einsum("ij...,jk...->ik...", one, other))
@@ -167,7 +166,6 @@ class TimeoutStacks:
         return self._exchanges[key]
 
     def _once(self, station: Station) -> _Exchange:
-        """An exchange of one attempt."""
         model, attempt, sums = self.model, self.attempt(station), sums_of(self.model)
         failed = _Timed.lasting(attempt.silent, model.gap + model.poll + self.tau)
         unit = np.array([sums.unit(station.turnaround)])
@@ -185,7 +183,6 @@ class TimeoutStacks:
 
 
 def _stack(matrices: NDArray[np.float64]) -> Stack:
-    """A matrix a timeout as a stack."""
     return np.ascontiguousarray(np.moveaxis(matrices, 0, -1)[:, :, None])
 
 
@@ -233,7 +230,6 @@ class Scans:
         return found
 
     def _scan(self) -> Stack:
-        """The states' transitions over a scan."""
         clean, marked = self._reached[-1]
         return _dot(clean, self._short.zero) + _dot(marked, self._long.zero)
 

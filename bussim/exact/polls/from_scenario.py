@@ -302,7 +302,6 @@ class _Reader:
 
 
 def _device_master(device: BusDevice, settings: MasterSettings) -> MasterModel:
-    """A device that is a master."""
     return MasterModel(
         node=device.name,
         bus=device.bus,

@@ -239,7 +239,6 @@ def _one_poll(model: PollListModel, clean: Round | None, worst: Round | None, po
 
 
 def _dead(model: PollListModel, devices: tuple[str, ...]) -> Dead:
-    """The figures with dead slaves."""
     hit = tuple(poll for poll in model.cyclic if poll.device in devices)
     cycle = _round(
         model, lambda poll: failing(model, poll) if poll.device in devices else without_errors(poll)

@@ -109,7 +109,6 @@ def worst_of(grids: Iterable[Grid]) -> Grid:
 
 
 def _fill(grid: Grid, row: int, count: int, stacks: TimeoutStacks, *, details: bool) -> None:
-    """The figures with one number of attempts."""
     model, tau, alive = grid.model.with_setting(count, 0), stacks.tau, grid.model.alive
     scans = Scans(stacks, count)
     grid.mean[row] = scans.mean[0]

@@ -61,8 +61,6 @@ class LinkEstimate:
 
 @dataclass(slots=True)
 class _Station:
-    """What was seen of one slave."""
-
     turnarounds: array[int] = field(default_factory=lambda: array("q"))
     attempts: Outcomes = field(default_factory=Outcomes)
 
@@ -252,5 +250,4 @@ class LinkObserver(LinkDecoder):
 
 
 def _replies(frame: Frame) -> bool:
-    """Whether a frame is a slave's."""
     return frame.kind == DATA and frame.station > 0

@@ -131,7 +131,6 @@ def parse_layout(text: bytes | str, name: str) -> Layout:
 
 
 def _check(form: _LayoutIn, report: Report) -> None:
-    """Report what does not fit together."""
     orders: dict[str, Order] = form.frames.given()
     for kind, order in orders.items():
         names = {what for what, _ in order}

@@ -199,7 +199,6 @@ class SigrokFile(Source):
         self.samples = at
 
     def _blocks(self) -> Iterator[np.ndarray]:
-        """The samples, a number each, in blocks."""
         import numpy as np
 
         size = 1 << (self._unit - 1).bit_length()  # a number has 1, 2, 4 or 8 bytes

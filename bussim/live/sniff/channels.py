@@ -172,7 +172,6 @@ class Channels:
     def _read(
         self, setup: LineSetup, protocol: LineProtocol, limit: int | None = None
     ) -> tuple[Reading, list[Heard]]:
-        """A reading of a channel's first characters."""
         return read([Chunk(self._chars(setup.channels[0], setup)[:limit])], setup, protocol, _ALL)
 
     def _stop_bits(self, best: Reading, sound: Sequence[Heard]) -> Reading:

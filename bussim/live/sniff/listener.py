@@ -157,7 +157,6 @@ class Listener:
         return Verdict.DAMAGED
 
     def _begins_frame(self, chars: bytes) -> bool:
-        """Whether characters begin as a frame does."""
         match self.protocol:
             case LineProtocol.NN:
                 return self._layout.begins(chars)

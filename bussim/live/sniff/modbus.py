@@ -327,7 +327,6 @@ class ModbusDecoder(Decoder):
         )
 
     def _take(self, record: TransactionRecord) -> None:
-        """Record a transaction that is over."""
         self._sink.take(record)
 
     def totals(self) -> BusTotals:

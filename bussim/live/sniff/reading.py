@@ -99,8 +99,6 @@ class Reading:
 
 
 class _Nothing:
-    """A sink that keeps nothing."""
-
     traced = False
 
     def __getattr__(self, _: str) -> Callable[..., None]:

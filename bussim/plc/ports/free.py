@@ -181,7 +181,6 @@ class FreeSide(Side):
 
     @property
     def _expected(self) -> int:
-        """How many bytes the driven instruction receives."""
         count = self._taken.count if self._taken is not None else 0
         return count if count <= MAX_BYTES else 0
 

@@ -231,7 +231,6 @@ class ProgramRun:
         return target
 
     def _watch(self) -> None:
-        """WDT."""
         spent = self._machine.spent[0]
         self.unwatched = max(self.unwatched, spent - self._watched)
         self._watched = spent

@@ -229,7 +229,6 @@ def _bars(
 
 
 def _draw_parts(axes: Axes, rows: Sequence[tuple[str, Sequence[float]]]) -> None:
-    """Bars of parts, one behind the other."""
     for number, (_, parts) in enumerate(rows):
         left = 0.0
         for name, ticks in zip(PARTS, parts, strict=True):

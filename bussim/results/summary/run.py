@@ -107,7 +107,6 @@ def _link(totals: LinkTotals, record: LinkRecord, duration: int) -> dict[str, An
 
 
 def _lost(lost: MasterLost, duration: int) -> dict[str, Any]:
-    """A time without the master."""
     return {
         "from_s": s(lost.start),
         "for_s": s((duration if lost.end is None else lost.end) - lost.start),

@@ -38,7 +38,6 @@ def _label(poll: TransactionIn) -> str:
 
 
 def _transaction(name: str, port: str, poll: TransactionIn) -> PollSpec:
-    """A Modbus poll."""
     return PollSpec(
         name=name,
         port=port,

@@ -169,7 +169,6 @@ def configure_port(
 
 
 def _read(name: str, words: Device, registers: Mapping[str, int]) -> cpavl.PortSettings | cpavl.BadSettings:
-    """What the PLC reads in a port's words."""
     memory = Memory()
     last = Device("D", words.address + cpavl.WORDS - 1)
     for register, value in registers.items():

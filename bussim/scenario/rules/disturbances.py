@@ -93,7 +93,6 @@ def check_faults(resolved: Resolved, report: Report) -> None:
 
 
 def _check_owner(path: Path, name: str, nodes: Directory, report: Report, *, plc_only: bool) -> None:
-    """A fault of a whole PLC or device."""
     known = nodes.plcs if plc_only else [*nodes.plcs, *nodes.devices]
     if name in known or not known:
         return

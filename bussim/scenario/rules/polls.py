@@ -135,7 +135,6 @@ def _check_request(entry: Entry[TransactionIn], poll: TransactionIn, report: Rep
 
 
 def _check_values(entry: Entry[TransactionIn], poll: TransactionIn, report: Report) -> None:
-    """What a write sends."""
     path, function = (*entry.path, "values"), poll.function
     if function is None:
         return
@@ -193,7 +192,6 @@ def _operand(entry: Entry[TransactionIn], poll: PollIn, report: Report) -> tuple
 
 
 def _some(number: tuple[int, str]) -> str:
-    """So many of what a key names."""
     count, what = number
     return say("rule_one" if count == 1 else "rule_several", count=count, what=say(what))
 

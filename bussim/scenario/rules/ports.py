@@ -125,7 +125,6 @@ def _check_beside_link(path: Path, member: Member, port: PortIn, bus: Line, repo
 def _check_bare(
     entry: Entry[PlcIn], path: Path, member: Member, port: PortIn, line: Line | None, report: Report
 ) -> None:
-    """A port with nothing but a bus."""
     name = str(path[-1])
     if member.takes_part and name == member.port:
         return
@@ -204,7 +203,6 @@ def _check_settings(config: PortConfiguration, member: Member, report: Report) -
 
 
 def _check_keys(config: PortConfiguration, protocol: str | None, report: Report) -> None:
-    """Keys that the protocol has no use for."""
     if protocol is None:
         return
     allowed = keys_of(protocol)
@@ -252,7 +250,6 @@ def _check_contradictions(entry: Entry[PlcIn], config: PortConfiguration, report
 
 
 def _check_line(config: PortConfiguration, member: Member, bus: Line, report: Report) -> None:
-    """Rate and format against the protocol and the bus."""
     line, given = config.line, config.given
     own = own_line(given, line)
     if MODES.get(given.protocol or "") is Mode.RTU and own.format.data_bits != 8:

@@ -238,8 +238,6 @@ class BoardErrorIn(Model):
 
 
 class _FaultWhen(OneKind):
-    """When a fault acts."""
-
     name: Name | None = None
     at: Moment | None = None
     for_: Duration | None = Field(None, alias="for")

@@ -169,7 +169,6 @@ def _check_buses_given(data: dict[Any, Any], report: Report) -> None:
 
 
 def _polls(owner: Entry[Any], report: Report) -> list[Entry[TransactionIn]]:
-    """The polls of a PLC or an HMI."""
     from bussim.devices.forms import MasterIn
     from bussim.devices.registry import form_of
     from bussim.scenario.schema.polls import HmiPollIn, PollIn

@@ -57,7 +57,6 @@ def _dump(data: object, *, flow: bool | None, width: float) -> str:
 
 
 def _number(dumper: SafeDumper, number: RawInt | RawFloat) -> ScalarNode:
-    """A number as it was written."""
     kind = "int" if isinstance(number, int) else "float"
     return dumper.represent_scalar(f"tag:yaml.org,2002:{kind}", number.raw)
 

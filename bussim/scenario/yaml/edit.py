@@ -164,7 +164,6 @@ class _Places:
         return begin + len(self._text[begin:end].rstrip())
 
     def _line(self, position: int) -> int:
-        """Where the line of a position ends."""
         end = self._text.find("\n", position)
         end = len(self._text) if end < 0 else end
         return end - self._text[:end].endswith("\r")

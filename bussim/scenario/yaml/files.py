@@ -167,7 +167,6 @@ class GivenFiles(Files):
 
 
 def _programs() -> Path:
-    """The folder of the programs that come with bussim."""
     return builtin.folder() / "programs"
 
 

@@ -108,7 +108,6 @@ class _Table:
         self.problems.append((number, message))
 
     def _misshapen(self, number: int, cells: list[str]) -> bool:
-        """A wrong number of columns."""
         if len(cells) > 2:
             self._wrong(number, say("table_columns", cells=len(cells)))
         elif len(cells) != self.columns and self.columns <= 2:
