@@ -48,11 +48,11 @@ class Rows(Protocol):
         """A record; attempts, frames and ENDs only of a traced run."""
 
     def ordinary_scans(self, bus: str, number: int, starts: np.ndarray, attempts: int) -> None:
-        """Link scans without errors; see :meth:`bussim.trace.records.Sink.ordinary_scans`."""
+        """Link scans without errors; see :meth:`bussim.trace.sink.Sink.ordinary_scans`."""
 
 
 class Collector:
-    """A :class:`bussim.trace.records.Sink` that keeps statistics, and hands single records on to ``rows``.
+    """A :class:`bussim.trace.sink.Sink` that keeps statistics, and hands single records on to ``rows``.
 
     ``bus_of`` names the N:N link of each PLC, in cable order, so that what a PLC reports is counted on its
     link; ``numbers`` are their station numbers, without which failed exchanges are judged by codes alone.
@@ -200,7 +200,7 @@ class Collector:
             self._latency.refreshed(bus, source, tick, heard)
 
     def switched(self, bus: str, position: int, tick: int, fresh: int | None) -> None:
-        """See :meth:`bussim.trace.records.Sink.switched`."""
+        """See :meth:`bussim.trace.sink.Sink.switched`."""
         self._refresh.switched(bus, position, tick, fresh)
 
     def irregular(self, bus: str, node: str, tick: int, what: str) -> None:

@@ -36,11 +36,11 @@ from bussim.trace.records import (
     PollRecord,
     Record,
     RunTotals,
-    Sink,
     TraceBus,
     TraceHeader,
     TransactionRecord,
 )
+from bussim.trace.sink import Sink
 from bussim.units import format_ms, milliseconds, seconds
 from bussim.wording import counted
 from bussim.words.language import say

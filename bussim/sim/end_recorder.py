@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from bussim.plc.plc import Plc
 from bussim.sim.kernel import DEADLINES, Kernel
-from bussim.trace.records import Sink
+from bussim.trace.sink import Sink
 from bussim.units import TICKS_PER_SECOND
 
 #: How often ENDs are recorded, in ticks. They are kept so long, some ten thousand of a PLC at most.

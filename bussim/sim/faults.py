@@ -16,7 +16,8 @@ from bussim.sim.wire.disturber import Drop, FrameFault
 from bussim.sim.wire.jabber import JabberSender
 from bussim.sim.wire.line import Line
 from bussim.sim.wire.node import Node
-from bussim.trace.records import IN_RUN, IN_STOP, LEFT_RUN, WITHOUT_SUPPLY, NoteRecord, Sink
+from bussim.trace.records import IN_RUN, IN_STOP, LEFT_RUN, WITHOUT_SUPPLY, NoteRecord
+from bussim.trace.sink import Sink
 from bussim.units import format_time
 from bussim.words.language import say
 

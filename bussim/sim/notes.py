@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from bussim.trace.records import NoteRecord, Sink
+from bussim.trace.records import NoteRecord
+from bussim.trace.sink import Sink
 from bussim.words.language import say
 
 

@@ -9,7 +9,8 @@ from bussim.plc.memory import Device
 from bussim.plc.plc import Plc
 from bussim.plc.program.errors import Fault, Halt, PortRefused
 from bussim.plc.program.program import Program
-from bussim.trace.records import DeviceValueRecord, InputRecord, NoteRecord, Sink
+from bussim.trace.records import DeviceValueRecord, InputRecord, NoteRecord
+from bussim.trace.sink import Sink
 from bussim.units import seconds
 
 #: What a PLC does whose program has stopped: an assumption, see :mod:`bussim.plc.program.execution`.

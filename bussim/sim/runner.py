@@ -35,7 +35,8 @@ from bussim.sim.serial.plc_port import EndClock, PlcPort
 from bussim.sim.serial.reporter import SerialReporter
 from bussim.sim.wire.line import Line
 from bussim.sim.wire.node import Node
-from bussim.trace.records import LinkTotals, RunTotals, Sink
+from bussim.trace.records import LinkTotals, RunTotals
+from bussim.trace.sink import Sink
 
 Progress = Callable[[int, int], None]
 

@@ -23,9 +23,9 @@ from bussim.trace.records import (
     PortTotals,
     RunTotals,
     ScanRecord,
-    Sink,
     TransactionRecord,
 )
+from bussim.trace.sink import Sink
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND
 
 NODES = ("press1", "press2", "press3")

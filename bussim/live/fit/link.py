@@ -20,7 +20,7 @@ from bussim.live.fit.turnaround import TurnaroundDistribution, distribution_of
 from bussim.live.sniff.decoder import Line
 from bussim.live.sniff.heard import Heard, Verdict
 from bussim.live.sniff.link import TIMEOUT_UNIT, LinkDecoder, OpenPoll
-from bussim.trace.records import Sink
+from bussim.trace.sink import Sink
 
 #: The kind of a slave's frame, beside those of the master's.
 _REPLY = "reply"

@@ -22,7 +22,8 @@ from bussim.live.sniff.decoder import Line
 from bussim.live.sniff.functions import Asked, usual_size
 from bussim.live.sniff.heard import Heard, LineProtocol, Verdict
 from bussim.live.sniff.modbus import ModbusDecoder, Open
-from bussim.trace.records import Sink, TransactionRecord
+from bussim.trace.records import TransactionRecord
+from bussim.trace.sink import Sink
 
 #: What an attempt was to its station. A wrong answer is one: its device is at fault, not the line.
 _OUTCOMES = {

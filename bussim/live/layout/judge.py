@@ -16,7 +16,8 @@ from bussim.live.layout.silences import MOST_BURSTS, Attempt, Burst, Polling, Sc
 from bussim.live.layout.value import ASSUMED, Layout
 from bussim.live.recordings.source import LineSetup, Source
 from bussim.live.sniff.link import TIMEOUT_UNIT, station_name
-from bussim.trace.records import AttemptRecord, LinkTotals, ScanRecord, Sink
+from bussim.trace.records import AttemptRecord, LinkTotals, ScanRecord
+from bussim.trace.sink import Sink
 from bussim.wording import counted
 
 #: More unsound frames than this share, and than so many, are not the recorder's.

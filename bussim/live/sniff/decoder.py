@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from bussim.live.arrival import PARITY, STOP
 from bussim.live.sniff.heard import Heard, Verdict
-from bussim.trace.records import Sink
+from bussim.trace.sink import Sink
 
 
 class Line(NamedTuple):

@@ -14,7 +14,8 @@ from bussim.engines.nn.frames import DATA, MODES, PARAMETERS, POLL, Frame, LinkS
 from bussim.engines.nn.status import STATIONS
 from bussim.live.sniff.decoder import Decoder, Line
 from bussim.live.sniff.heard import Heard, Verdict
-from bussim.trace.records import AttemptRecord, LinkTotals, NoteRecord, ScanRecord, Sink
+from bussim.trace.records import AttemptRecord, LinkTotals, NoteRecord, ScanRecord
+from bussim.trace.sink import Sink
 from bussim.wording import counted
 
 #: 10 ms, the unit of D8180, in ticks.

@@ -15,7 +15,8 @@ from bussim.live.sniff.heard import Heard, LineProtocol, Verdict
 from bussim.live.sniff.link import LinkDecoder
 from bussim.live.sniff.modbus import ModbusDecoder
 from bussim.live.sniff.splitters import AsciiSplitter, silence_of, splitter
-from bussim.trace.records import RunTotals, Sink
+from bussim.trace.records import RunTotals
+from bussim.trace.sink import Sink
 
 #: A driver that switches off leaves at most so many characters: one fewer than the shortest RTU frame.
 _LONGEST_STRAY = 3

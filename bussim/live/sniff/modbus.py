@@ -19,7 +19,8 @@ from bussim.engines.modbus.pdu import EXCEPTION_BIT
 from bussim.live.sniff.decoder import Decoder, Line
 from bussim.live.sniff.functions import REPEATED, Asked, asked_of, responds, response_size
 from bussim.live.sniff.heard import Heard, Verdict
-from bussim.trace.records import BusTotals, Sink, TransactionRecord
+from bussim.trace.records import BusTotals, TransactionRecord
+from bussim.trace.sink import Sink
 from bussim.units import TICKS_PER_SECOND
 
 #: Outcomes of an exchange, and the port error that a PLC would have of each.

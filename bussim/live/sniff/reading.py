@@ -12,7 +12,7 @@ from bussim.live.recordings.source import Chunk, LineSetup
 from bussim.live.sniff.heard import Heard, LineProtocol, Verdict
 from bussim.live.sniff.listener import Listener
 from bussim.live.sniff.modbus import ModbusDecoder
-from bussim.trace.records import Sink
+from bussim.trace.sink import Sink
 
 #: Rate and format where nothing gives them (Modbus over serial line, section 2.5.1).
 USUAL = {

@@ -143,7 +143,7 @@ class _Source:
 
 
 class RefreshMeter:
-    """Refresh gaps of all pairs of all buses; see :meth:`bussim.trace.records.Sink.refreshed`."""
+    """Refresh gaps of all pairs of all buses; see :meth:`bussim.trace.sink.Sink.refreshed`."""
 
     def __init__(self) -> None:
         self._sources: defaultdict[tuple[str, int], _Source] = defaultdict(_Source)
@@ -166,7 +166,7 @@ class RefreshMeter:
         return self._sources[bus, source].received(receiver)
 
     def switched(self, bus: str, position: int, tick: int, fresh: int | None) -> None:
-        """A position goes to RUN, or leaves it; see :meth:`bussim.trace.records.Sink.switched`."""
+        """A position goes to RUN, or leaves it; see :meth:`bussim.trace.sink.Sink.switched`."""
         running = self._running[bus]
         (running.discard if fresh is None else running.add)(position)
         for source, refreshes in [(at, each) for (name, at), each in self._sources.items() if name == bus]:

@@ -119,7 +119,7 @@ FORMS: dict[type[Record], Form] = {
 
 
 def ordinary_records(bus: str, number: int, starts: np.ndarray, attempts: int) -> Iterator[ScanRecord]:
-    """The records of link scans without errors; see :meth:`bussim.trace.records.Sink.ordinary_scans`."""
+    """The records of link scans without errors; see :meth:`bussim.trace.sink.Sink.ordinary_scans`."""
     ticks = starts.tolist()
     for index, start in enumerate(ticks[:-1]):
         yield ScanRecord(bus, number + index, start, ticks[index + 1] - start, attempts, 0, 0, "")

@@ -16,7 +16,7 @@ from bussim.sim.nn.contract import LinkStation
 from bussim.sim.nn.reporter import LinkReporter
 from bussim.sim.wire.contract import LineNode, Reading, Transmission, WireFrame
 from bussim.sim.wire.line import Line
-from bussim.trace.records import Sink
+from bussim.trace.sink import Sink
 
 
 class LinkBus(Line):

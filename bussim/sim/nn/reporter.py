@@ -34,7 +34,8 @@ from bussim.plc.link_registers import (
 from bussim.plc.plc import Plc
 from bussim.sim.nn.contract import LinkStation
 from bussim.sim.notes import Notes
-from bussim.trace.records import LATE_REPLY, AttemptRecord, ScanRecord, Sink
+from bussim.trace.records import LATE_REPLY, AttemptRecord, ScanRecord
+from bussim.trace.sink import Sink
 from bussim.units import format_ms
 from bussim.words.language import say
 

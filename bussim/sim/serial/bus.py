@@ -14,7 +14,8 @@ from bussim.sim.serial.messages import Messages
 from bussim.sim.serial.transaction_path import TransactionPath
 from bussim.sim.wire.contract import LineNode, Reading, Transmission, WireFrame
 from bussim.sim.wire.line import Line
-from bussim.trace.records import LATE_RESPONSE, Outcome, Sink
+from bussim.trace.records import LATE_RESPONSE, Outcome
+from bussim.trace.sink import Sink
 
 #: Frames that are remembered: a message may come in as many as it has characters.
 _PIECES = 256

@@ -21,7 +21,8 @@ from bussim.plc.ports.cpavl import refusal
 from bussim.plc.ports.events import PortErrorRaised, TurnEnded
 from bussim.sim.notes import Notes
 from bussim.sim.serial.contract import SerialStation
-from bussim.trace.records import CycleRecord, FreeRecord, Outcome, PollRecord, Sink, TransactionRecord
+from bussim.trace.records import CycleRecord, FreeRecord, Outcome, PollRecord, TransactionRecord
+from bussim.trace.sink import Sink
 from bussim.words.language import say
 
 

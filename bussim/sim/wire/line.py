@@ -22,8 +22,8 @@ from bussim.trace.records import (
     UNEVEN,
     WITHOUT_FRAME,
     FrameRecord,
-    Sink,
 )
+from bussim.trace.sink import Sink
 
 #: A pause inside a frame of so many characters shows, and a rate that is off by so much of itself: a
 #: receiver tells a character's last bit wrong from half a bit in 9.5 on.
