@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from bussim.results.store.rows import ordinary_records
+from bussim.trace.blocks import RecordBlock, in_turn, pieces
 from bussim.trace.records import CycleRecord, OrdinaryTurns, Outcome, PollRecord, Record
 
 
@@ -45,9 +45,10 @@ class OneByOne:
         for cycle in cycles:
             self.take(cycle)
 
-    def ordinary_scans(self, bus: str, number: int, starts: np.ndarray, attempts: int) -> None:
-        for record in ordinary_records(bus, number, starts, attempts):
-            self.take(record)
+    def take_many(self, block: RecordBlock, breaks: Iterable[int] = ()) -> None:
+        for records in pieces(in_turn(each.records() for each in block), breaks):
+            for record in records:
+                self.take(record)
 
     def refreshed_often(self, bus: str, source: int, ticks: np.ndarray, heard: Sequence[int] | None) -> None:
         for tick in ticks.tolist():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol, assert_never
 
 from bussim.results.meters.failures import FailureMeter, Irregular, Irregulars, LinkMember
@@ -17,6 +17,7 @@ from bussim.results.summary.latency import LatencyBounds
 from bussim.results.summary.run import summarise
 from bussim.results.verdict.verdict import Evidence
 from bussim.trace import records
+from bussim.trace.blocks import RecordBlock
 from bussim.trace.records import (
     IN_RUN,
     IN_STOP,
@@ -47,8 +48,8 @@ class Rows(Protocol):
     def take(self, record: Record) -> None:
         """A record; attempts, frames and ENDs only of a traced run."""
 
-    def ordinary_scans(self, bus: str, number: int, starts: np.ndarray, attempts: int) -> None:
-        """Link scans without errors; see :meth:`bussim.trace.sink.Sink.ordinary_scans`."""
+    def take_many(self, block: RecordBlock, breaks: Iterable[int]) -> None:
+        """Records that come many at once; see :meth:`bussim.trace.sink.Sink.take_many`."""
 
 
 class Collector:
@@ -111,11 +112,13 @@ class Collector:
                 assert_never(record)
         self._keep(record)
 
-    def ordinary_scans(self, bus: str, number: int, starts: np.ndarray, attempts: int) -> None:
-        """Count link scans without errors, and hand them on to the rows."""
-        self._link(bus).scans(starts)
+    def take_many(self, block: RecordBlock, breaks: Iterable[int] = ()) -> None:
+        """Count records that come many at once, and hand them on to the rows."""
+        for each in block:
+            if isinstance(each.pattern, ScanRecord):
+                self._link(each.pattern.bus).scans(each.varying["start"], each.varying["duration"])
         if self._rows is not None:
-            self._rows.ordinary_scans(bus, number, starts, attempts)
+            self._rows.take_many(block, breaks)
 
     def _keep(self, record: Record) -> None:
         if self._rows is not None:

@@ -21,13 +21,14 @@ class EndRecorder:
         self._sink = sink
         for plc in self._plcs:
             plc.cycle.keep_ends()
-        self._timer = kernel.timer(self._on_time, DEADLINES)
+        #: Changes nothing but what is recorded.
+        self.timer = kernel.timer(self._on_time, DEADLINES)
         if self._plcs:
-            self._timer.set(PERIOD)
+            self.timer.set(PERIOD)
 
     def _on_time(self, now: int) -> None:
         self.flush(now - 1)
-        self._timer.set(now + PERIOD)
+        self.timer.set(now + PERIOD)
 
     def flush(self, tick: int) -> None:
         """Record all ENDs up to a tick."""

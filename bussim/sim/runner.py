@@ -211,6 +211,8 @@ class Simulation:
         timed = {plc for entry in self._scenario.latency for plc in (entry.source_plc, entry.target_plc)}
         others = [plc for name, plc in self.plcs.items() if name not in timed] if self._sink.traced else []
         self._ends = EndRecorder(others, self.kernel, self._sink)
+        for bus in self.links.values() if others else ():
+            bus.recording = {self._ends.timer}
         programs = {spec.name: spec.program for spec in self._scenario.plcs}
         self._probes: list[PlcProbe] = []
         clocks: dict[str, tuple[Plc, Timer | None]] = {}

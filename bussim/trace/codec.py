@@ -13,7 +13,7 @@ those of a later version, are left out.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import cache
 from operator import itemgetter
 from typing import Any, NamedTuple, TypeVar, get_args, get_type_hints
@@ -23,6 +23,7 @@ from bussim.line.contention import Contention
 from bussim.line.protocols import BusProtocol
 from bussim.line.wave import Pause
 from bussim.trace import records
+from bussim.trace.blocks import Alike, RecordBlock, in_turn
 from bussim.trace.records import Record, TraceBus, TraceHeader
 from bussim.units import TICKS_PER_SECOND
 from bussim.wording import visible
@@ -183,8 +184,10 @@ def _fields_of(record: type[Any], apart: str = "") -> list[_Field]:
 
 _FIELDS: dict[type[Record], list[_Field]] = {record: _fields_of(record) for record in get_args(Record)}
 _RECORDS = {_TYPES[record]: record for record in _FIELDS}
+#: What is written of a field: its key, its position in the record, and how it is written (None: as it is).
+_Written = tuple[str, int, Callable[[Any], Any] | None]
 # What is written of each record, in this order; the rest of a frame only if needed.
-_WRITTEN = {
+_WRITTEN: dict[type[Record], list[_Written]] = {
     record: [
         (field.key, field.position, field.write)
         for field in sorted(fields, key=lambda field: field.key != "tick")
@@ -194,19 +197,23 @@ _WRITTEN = {
 }
 
 
+@cache
+def _varying(kind: Any, names: frozenset[str]) -> tuple[list[_Written], Callable[[Record], Any]]:
+    """What is written of some fields of a type, and what gets the others of a record (without a dict)."""
+    written = [each for each in _WRITTEN[kind] if kind._fields[each[1]] in names]
+    others = (at for at, name in enumerate(kind._fields) if name not in (*names, "damaged_at"))
+    return written, itemgetter(*others)
+
+
 #: The fields of the most frequent records that differ from line to line while the rest of them recurs.
-_VARYING: dict[type[Record], tuple[str, ...]] = {
-    records.FrameRecord: ("start", "end"),
-    records.AttemptRecord: ("start", "end", "station", "turnaround"),
-    records.ScanRecord: ("start", "number", "duration"),
+_VARYING: dict[Any, frozenset[str]] = {
+    records.FrameRecord: frozenset(("start", "end")),
+    records.AttemptRecord: frozenset(("start", "end", "station", "turnaround")),
+    records.ScanRecord: frozenset(("start", "number", "duration")),
 }
-#: Of such a record: those fields in the order in which they are written, and the rest (without a dict).
-_PARTS = {
-    kind: (
-        itemgetter(*(at for _, at, _ in _WRITTEN[kind] if kind._fields[at] in names)),
-        itemgetter(*(at for at, name in enumerate(kind._fields) if name not in (*names, "damaged_at"))),
-    )
-    for kind, names in _VARYING.items()
+#: Of such a record what gets these fields' values, in the order in which they are written.
+_NUMBERS = {
+    kind: itemgetter(*(at for _, at, _ in _varying(kind, names)[0])) for kind, names in _VARYING.items()
 }
 
 
@@ -220,22 +227,41 @@ class LineTexts:
 
     def of(self, record: Record) -> str:
         """The text of a record's line."""
-        kind, templates = type(record), self._templates
-        varying, others = _PARTS.get(kind, (None, None))
-        numbers = varying(record) if varying else (None,)
-        if others is None or None in numbers or getattr(record, "damaged_at", None):
+        numbers = _NUMBERS.get(type(record))
+        values = numbers(record) if numbers else (None,)
+        if None in values or getattr(record, "damaged_at", None):
             return self._encode(to_line(record, self._buses))
-        rest = (kind, *others(record))
+        return self._template(record, _VARYING[type(record)]) % values
+
+    def of_block(self, block: RecordBlock) -> Iterator[str]:
+        """The texts of a block's lines, each with its end."""
+        return in_turn(map(self._texts, block))
+
+    def _texts(self, alike: Alike) -> Iterator[str]:
+        kind: Any = type(alike.pattern)
+        names = frozenset(alike.varying)
+        values: list[Iterable[Any]] = []
+        for _, at, write in _varying(kind, names)[0]:
+            given = alike.varying[kind._fields[at]].tolist()
+            values.append(given if write is None else map(write, given))
+        template = self._template(alike.pattern, names) + "\n"
+        return map(template.__mod__, zip(*values, strict=True))
+
+    def _template(self, record: Record, names: frozenset[str]) -> str:
+        """A record's line with formats for the values of some fields."""
+        kind: Any = type(record)
+        templates = self._templates
+        written, others = _varying(kind, names)
+        rest = (kind, names, *others(record))
         if rest not in templates:
             if len(templates) >= 4096:  # blocks have ever new contents
                 templates.clear()
-            keys = [key for key, at, _ in _WRITTEN[kind] if kind._fields[at] in _VARYING[kind]]
-            line = to_line(record, self._buses) | dict.fromkeys(keys, "\0")
+            line = to_line(record, self._buses) | {key: "\0" for key, _, _ in written}
             text = self._encode(line).replace("%", "%%")
-            for key in keys:
-                text = text.replace(f'"{key}":"\\u0000"', f'"{key}":%d')
+            for key, _, write in written:
+                text = text.replace(f'"{key}":"\\u0000"', f'"{key}":%d' if write is None else f'"{key}":"%s"')
             templates[rest] = text
-        return templates[rest] % numbers
+        return templates[rest]
 
 
 def type_of(record: type[Record]) -> str:

@@ -22,6 +22,7 @@ from typing import Any, TextIO, TypeVar, assert_never, cast
 
 from bussim.errors import UsageError
 from bussim.files import INCOMPLETE, plain, reading
+from bussim.trace.blocks import RecordBlock, pieces
 from bussim.trace.codec import Line, LineTexts, from_line, header_line, header_of, type_of
 from bussim.trace.records import (
     AttemptRecord,
@@ -71,6 +72,11 @@ class TraceWriter:
     def write(self, record: Record) -> None:
         """Write a record."""
         self._file.write(self._texts.of(record) + "\n")
+
+    def write_many(self, block: RecordBlock, breaks: Iterable[int]) -> None:
+        """Write records that come many at once; others come at some breaks."""
+        for lines in pieces(self._texts.of_block(block), breaks):
+            self._file.write("".join(lines))
 
     def flush(self) -> None:
         """Hand what was written to the system."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Protocol
 
+from bussim.trace.blocks import RecordBlock
 from bussim.trace.records import CycleRecord, OrdinaryTurns, Outcome, Record
 
 if TYPE_CHECKING:
@@ -22,10 +23,11 @@ class Sink(Protocol):
     def take(self, record: Record) -> None:
         """Take a record: attempts and frames only if :attr:`traced`, an input's change when it is sampled."""
 
-    def ordinary_scans(self, bus: str, number: int, starts: np.ndarray, attempts: int) -> None:
-        """Take link scans in a row without errors, as if each came as a record; the first has ``number``.
+    def take_many(self, block: RecordBlock, breaks: Iterable[int] = ()) -> None:
+        """Take records, as if each of them came by itself; link scans among them are without errors.
 
-        Each lasts from one of the ticks ``starts`` to the next, and has so many attempts.
+        ``breaks`` are the indexes of those before which other records come: these do when, after the
+        records before such an index, the next index is asked for. Whoever keeps records in order does that.
         """
 
     def failed(self, bus: str, tick: int, station: int, code: int, *, garbled: bool = False) -> None:

@@ -133,15 +133,17 @@ def python_calls(run: Run, seconds: float) -> int:
 
 
 def calls() -> dict[str, float]:
-    """The Python calls of a link scan, an exchange through the engines, an END and a transaction."""
+    """Python calls: of a link scan, traced or not, an exchange through the engines, an END, a transaction."""
     found = {}
+    folder = tempfile.TemporaryDirectory()  # of the trace
     for what, mark, seconds in (
         ("link scan", "W", 60),
+        ("traced link scan", "trace", 60),
         ("exchange", "replies at END", 5),
         ("END", "programs", 2),
         ("transaction", "four ports", 5),
     ):
-        run = Run(mark, Path())
+        run = Run(mark, Path(folder.name))
         run.go(3)
         before = run.sink.scans, run.ends, run.sink.transactions
         made = python_calls(run, seconds)
@@ -152,6 +154,7 @@ def calls() -> dict[str, float]:
         )
         number = {
             "link scan": scans,
+            "traced link scan": scans,
             "exchange": scans * run.stations,
             "END": ends,
             "transaction": transactions,

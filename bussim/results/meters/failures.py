@@ -233,10 +233,7 @@ class FailureMeter:
         for station, each in list(self._open.items()):
             if each.flagged is None or not flagged:
                 self._close(station, end, replied=True)
-        self._scans += 1
-        self._scan_start = end
-        if self._irregular:
-            self._before = self._counted()
+        self.ordinary_scans(1, end)
 
     def ordinary_scans(self, number: int, end: int) -> None:
         """So many link scans without errors ended, the last at ``end``; no exchange was failing."""

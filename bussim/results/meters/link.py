@@ -148,12 +148,12 @@ class LinkMeter:
             # A master that stops drops its flags without reporting each.
             self._flags_off(self.scans_end)
 
-    def scans(self, starts: np.ndarray) -> None:
-        """Count link scans without errors between these ticks, after one that came as a record."""
-        self._waiting.append([starts[:-1], starts[1:] - starts[:-1]])
-        self.scans_end = int(starts[-1])
-        self.failures.ordinary_scans(len(starts) - 1, self.scans_end)
-        self._take(len(starts) - 1)
+    def scans(self, starts: np.ndarray, durations: np.ndarray) -> None:
+        """Count link scans in a row without errors, after one that came as a record."""
+        self._waiting.append([starts, durations])
+        self.scans_end = int(starts[-1] + durations[-1])
+        self.failures.ordinary_scans(len(starts), self.scans_end)
+        self._take(len(starts))
 
     def _take(self, number: int) -> None:
         self._number += number

@@ -1,12 +1,13 @@
 """Chosen devices over time, as a monitor of a programming tool shows them. Times in ticks."""
 
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from bussim.results.meters.timeline import Spans
 from bussim.results.numbers import s
+from bussim.trace.blocks import RecordBlock
 from bussim.trace.records import IN_RUN, LEFT_RUN, WITHOUT_SUPPLY, DeviceValueRecord, NoteRecord, Record
 
 
@@ -55,8 +56,8 @@ class Watch:
         self.stale: list[tuple[str, str, int, int]] = []
         self._supply: dict[str, Spans] = {each.plc: Spans() for each in watched}
 
-    def ordinary_scans(self, bus: str, number: int, starts: Any, attempts: int) -> None:
-        """Ignore link scans."""
+    def take_many(self, block: RecordBlock, breaks: Iterable[int] = ()) -> None:
+        """Ignore frames, attempts and link scans."""
 
     def take(self, record: Record) -> None:
         """Keep a record if it is a new value of one of the devices, or of its PLC's supply."""

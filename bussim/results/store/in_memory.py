@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from bussim.errors import UsageError
-from bussim.results.store.rows import FORMS, SCANS, ordinary_records
-from bussim.results.store.tables import TEXT, Kind, Row
+from bussim.results.store.rows import FORMS, SCANS
+from bussim.results.store.tables import TEXT, Kind, Row, rows_of
+from bussim.trace.blocks import RecordBlock, in_turn, pieces
 from bussim.trace.codec import header_line, to_line
 from bussim.trace.file import Trace, trace_of
 from bussim.trace.records import Record, ScanRecord, TraceHeader
 
 if TYPE_CHECKING:
-    import numpy as np
     import pandas as pd
 
 
@@ -40,10 +40,15 @@ class MemoryRows:
         elif (rows := self._rows.get(type(record))) is not None:
             rows.append(FORMS[type(record)].columns.row(record))
 
-    def ordinary_scans(self, bus: str, number: int, starts: np.ndarray, attempts: int) -> None:
-        """Keep link scans without errors."""
-        for record in ordinary_records(bus, number, starts, attempts):
-            self.take(record)
+    def take_many(self, block: RecordBlock, breaks: Iterable[int] = ()) -> None:
+        """Keep records that come many at once; see :meth:`bussim.trace.sink.Sink.take_many`."""
+        if self._records is not None:
+            for records in pieces(in_turn(each.records() for each in block), breaks):
+                self._records += records
+        if self._rows is not None:
+            scans = [SCANS.row(each.record) for each in block if isinstance(each.pattern, ScanRecord)]
+            for row in rows_of(scans):
+                self._scans.append(row)
 
     def table(self, kind: type[Record]) -> pd.DataFrame:
         """The table of a type of record. Raises UsageError if the run did not keep it."""

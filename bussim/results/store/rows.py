@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from bussim.results.meters.ports import response_time
 from bussim.results.store import tables as column
 from bussim.results.store.tables import Columns, Table, open_table
 from bussim.trace import records
+from bussim.trace.blocks import RecordBlock
 from bussim.trace.file import TRACE, TraceWriter
 from bussim.trace.records import Record, ScanRecord, TraceHeader
-
-if TYPE_CHECKING:
-    import numpy as np
 
 # The columns of each table. One that is added must be of a kind whose value may be missing: it is in the
 # tables of earlier versions.
@@ -118,13 +116,6 @@ FORMS: dict[type[Record], Form] = {
 }
 
 
-def ordinary_records(bus: str, number: int, starts: np.ndarray, attempts: int) -> Iterator[ScanRecord]:
-    """The records of link scans without errors; see :meth:`bussim.trace.sink.Sink.ordinary_scans`."""
-    ticks = starts.tolist()
-    for index, start in enumerate(ticks[:-1]):
-        yield ScanRecord(bus, number + index, start, ticks[index + 1] - start, attempts, 0, 0, "")
-
-
 class FileRows:
     """Writes records to a folder: tables if ``rows``, exchanges and trace.jsonl if ``traced``.
 
@@ -156,10 +147,14 @@ class FileRows:
             table = self._tables.get(kind) or self._open(kind, form)
             table.append(form.columns.row(record))
 
-    def ordinary_scans(self, bus: str, number: int, starts: np.ndarray, attempts: int) -> None:
-        """Write link scans without errors."""
-        for record in ordinary_records(bus, number, starts, attempts):
-            self.take(record)
+    def take_many(self, block: RecordBlock, breaks: Iterable[int] = ()) -> None:
+        """Write many records where they belong; see :meth:`bussim.trace.sink.Sink.take_many`."""
+        if self._trace is not None:
+            self._trace.write_many(block, breaks)
+        for kind in {type(each.pattern) for each in block} & self._forms.keys():
+            form = self._forms[kind]
+            table = self._tables.get(kind) or self._open(kind, form)
+            table.append_many([form.columns.row(each.record) for each in block if type(each.pattern) is kind])
 
     def close(self) -> None:
         """Finish all files."""

@@ -6,12 +6,14 @@ on every machine.
 
 import csv
 import io
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import repeat
 from pathlib import Path
 from typing import Any, Generic, NamedTuple, TextIO, TypeVar
 
 from bussim.errors import UsageError
 from bussim.results.store.safe_names import cell
+from bussim.trace.blocks import in_turn
 from bussim.units import nanoseconds
 
 #: Formats of the tables, by the extension of their files.
@@ -56,8 +58,9 @@ MILLISECONDS = Kind("float64", "float64", _milliseconds_text, decimals=6, packed
 _ROW_GROUP = 65_536
 
 Value = str | int | None
-#: A time is a whole number of nanoseconds whatever its column's unit.
-Row = tuple[Value, ...]
+#: A time is a whole number of nanoseconds whatever its column's unit. Of many rows the values that differ
+#: are arrays of numpy.
+Row = tuple[Any, ...]
 
 R = TypeVar("R")
 
@@ -72,14 +75,14 @@ class Columns(Generic[R]):
         ]
 
     def row(self, record: R) -> Row:
-        """The row of a record."""
+        """The row of a record, or those of many: see :attr:`bussim.trace.blocks.Alike.record`."""
         return tuple([value(record) for value in self._values])
 
 
 def _in_nanoseconds(value: Callable[[R], Value]) -> Callable[[R], Value]:
     def converted(record: R) -> Value:
-        ticks = value(record)
-        return nanoseconds(ticks) if isinstance(ticks, int) else ticks
+        ticks: Any = value(record)
+        return None if ticks is None else nanoseconds(ticks)
 
     return converted
 
@@ -89,25 +92,41 @@ class CsvTable:
 
     def __init__(self, path: Path, kinds: Mapping[str, Kind]) -> None:
         self._file: TextIO = path.open("w", encoding="utf-8", newline="")
-        self._texts_of = [kind.text for kind in kinds.values()]
+        self._kinds = list(kinds.values())
         self._names: dict[str, str] = {}
         self._file.write(",".join(kinds) + "\r\n")
 
     def append(self, row: Row) -> None:
         """Write a row."""
-        texts = []
-        for value, text in zip(row, self._texts_of, strict=True):
-            if value is None:
-                texts.append("")
-            elif text is None:
-                texts.append(self._name(str(value)))
+        self._file.write(",".join(map(self._text, row, self._kinds)) + "\r\n")
+
+    def append_many(self, rows: Sequence[Row]) -> None:
+        """Write rows that take turns."""
+        self._file.write("".join(in_turn(map(self._texts, rows))))
+
+    def _texts(self, row: Row) -> Iterator[str]:
+        formats: list[str] = []
+        values: list[list[int]] = []
+        for value, kind in zip(row, self._kinds, strict=True):
+            if isinstance(value, Value):
+                formats.append(self._text(value, kind).replace("%", "%%"))
+            elif kind.decimals:
+                formats.append(f"%d.%0{kind.decimals}d")
+                values += (each.tolist() for each in divmod(value, 10**kind.decimals))
             else:
-                texts.append(text(value))
-        self._file.write(",".join(texts) + "\r\n")
+                formats.append("%d")
+                values.append(value.tolist())
+        template = ",".join(formats) + "\r\n"
+        return map(template.__mod__, zip(*values, strict=True))
 
     def close(self) -> None:
         """Finish the file."""
         self._file.close()
+
+    def _text(self, value: Value, kind: Kind) -> str:
+        if value is None:
+            return ""
+        return self._name(str(value)) if kind.text is None else kind.text(value)
 
     def _name(self, text: str) -> str:
         # Names come again in every row; there are few of them.
@@ -138,6 +157,11 @@ class ParquetTable:
         if len(self._rows) == _ROW_GROUP:
             self._flush()
 
+    def append_many(self, rows: Sequence[Row]) -> None:
+        """Write rows that take turns."""
+        for row in rows_of(rows):
+            self.append(row)
+
     def close(self) -> None:
         """Finish the file."""
         try:
@@ -154,6 +178,14 @@ class ParquetTable:
                 values[name] = tuple(None if ns is None else ns / unit for ns in values[name])
         self._writer.write_table(self._table(values, schema=self._schema))
         self._rows.clear()
+
+
+def rows_of(rows: Sequence[Row]) -> Iterator[Row]:
+    """Each of some rows that take turns."""
+    return in_turn(
+        zip(*(repeat(value) if isinstance(value, Value) else value.tolist() for value in row), strict=False)
+        for row in rows
+    )
 
 
 def import_pyarrow() -> tuple[Any, Any]:

@@ -10,19 +10,19 @@ the last byte with and without, which a test compares.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from itertools import chain, zip_longest
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain, islice, repeat, zip_longest
 from typing import TYPE_CHECKING, NamedTuple
 
-from bussim.engines.nn.events import AttemptEnded
-from bussim.engines.nn.frames import DATA, KIND_NAMES, POLL, POLL_CHARS, data_chars, encode_poll
+from bussim.engines.nn.frames import DATA, KIND_NAMES, POLL, POLL_CHARS, data_chars, encode_data, encode_poll
 from bussim.engines.nn.master import Master
 from bussim.engines.nn.ordinary import OrdinaryScans, ordinary_scans
 from bussim.engines.nn.slave import Slave
-from bussim.sim.kernel import SENDING, Kernel
+from bussim.sim.kernel import HEARING, SENDING, Kernel
 from bussim.sim.nn.contract import LinkStation
 from bussim.sim.wire.contract import Transmission
 from bussim.sim.wire.disturber import FramesAhead
+from bussim.trace.blocks import Alike
 
 if TYPE_CHECKING:
     import numpy as np
@@ -65,7 +65,7 @@ class BlockPath:
             return False
         bus.deadlines.cancel()  # to learn what else comes next
         parts = [] if stations.reading else [part.timers for part in bus.parts if part.is_independent]
-        timers = set(chain.from_iterable(parts))
+        timers = {*chain.from_iterable(parts), *bus.recording}
         until = min(kernel.next(timers), bus.disturber.calm_until(now))
         if stations.reading:
             until = min([until, *self._same_until(stations, now)])
@@ -191,30 +191,33 @@ class BlockPath:
     def _record(self, stations: _Stations, scans: OrdinaryScans, now: int) -> None:
         """Keep the blocks that some END may still ask for, and tell what has happened."""
         port, master, polled, _, receiving, *_ = stations
-        bus, reporter = self._bus, self._bus.reporter
+        bus = self._bus
         missed = [other.position for other in bus.ports if other not in receiving]
         # The first scan begins: the one before is over.
         master.image = port.plc.image_at(now)
         frame = master.begin_transmit(now)
+        begun = (scans.starts[:-1], *scans.replies)
+        senders = (port, *polled)
+        images: list[dict[int, bytes]] = [{} for _ in senders]
         if bus.sink.traced:
-            self._trace(stations, scans, frame, missed)
+            for sender, starts, found in zip(senders, begun, images, strict=True):
+                found.update((start, sender.plc.image_at(start)) for start in starts.tolist())
+            self._trace(stations, scans, frame, images)
         else:
             port.drain(now + scans.data)
-            reporter.ordinary_scans(port, scans.starts[:-1], scans.slaves)
+            if columns := bus.reporter.scans(port, scans.starts[:-1], scans.slaves):
+                bus.sink.take_many(columns)
         took = [other.position for other in receiving] if missed else None
         old = scans.end - bus.block_history.horizon
         # Every END to come finds a block of a scan that was over by then: no scan of a PLC lasts longer.
         first = max(0, int(scans.starts.searchsorted(old, side="right")) - 2)
-        begun = (scans.starts[:-1], *scans.replies)
         kept: list[list[int]] = []
-        senders = (port, *polled)
         for sender, starts in zip(senders, begun, strict=True):
-            kept.append([] if bus.sink.traced else _latest(starts[first:].tolist(), old - scans.data))
+            kept.append(_latest(starts[first:].tolist(), old - scans.data))
             heard = None if took is None else [each for each in took if each != sender.position]
             bus.sink.refreshed_often(bus.name, sender.position, starts + scans.data, heard)
         # Keep the blocks that are sent at these ticks; meanwhile independent parts go on. What a port has
         # written into a block shows in the frame after it.
-        images: list[dict[int, bytes]] = [{} for _ in senders]
         asked = sorted(
             (start, station)
             for station, (sender, starts, wanted) in enumerate(zip(senders, begun, kept, strict=True))
@@ -233,37 +236,58 @@ class BlockPath:
             if kept[station] and sender.engine is not None:
                 sender.engine.image = image
 
-    def _trace(self, stations: _Stations, scans: OrdinaryScans, frame: Frame, missed: Sequence[int]) -> None:
-        """Record every frame and attempt, and keep every block, in the order in which they come."""
-        port, master, polled, *_ = stations
-        for index in range(scans.number):
-            start, counter = int(scans.starts[index]), scans.counter + index & 15
-            if index:
-                master.image = port.plc.image_at(start)
-                frame = master.data_frame(0, counter)
-            self._sent(port, frame, start, missed)
-            if not index:
-                port.drain(start + scans.data)
-            else:
-                self._bus.reporter.ordinary_scans(port, scans.starts[index - 1 : index + 1], scans.slaves)
-            for station, slave in enumerate(polled, 1):
-                polled_at = int(scans.polled[station - 1, index])
-                asked, begun = polled_at - scans.poll, int(scans.replies[station - 1, index])
-                self._sent(port, encode_poll(station, counter), asked, missed)
-                over = begun + scans.data
-                attempt = AttemptEnded(asked, polled_at, begun, over, station, 1, 0)
-                self._bus.reporter.engine_event(port, attempt, over)
-                engine = slave.engine
-                assert engine is not None  # noqa: S101 - narrows the type; every station has one
-                engine.image = slave.plc.image_at(begun)
-                self._sent(slave, engine.data_frame(station, counter), begun, missed)
+    def _trace(
+        self, stations: _Stations, scans: OrdinaryScans, frame: Frame, images: Sequence[dict[int, bytes]]
+    ) -> None:
+        """Record frames, attempts and link scans; ``frame`` is the first, blocks are by their first edge."""
+        import numpy as np
 
-    def _sent(self, sender: LinkStation, frame: Frame, start: int, missed: Sequence[int]) -> None:
-        bus, chars = self._bus, frame.chars
-        end = start + len(chars) * bus.character
-        if frame.kind == DATA:
-            bus.block_history.received(frame.station, end, frame.data, missed)
-        bus.record(Transmission(sender, frame, chars, start, end, sender.timing))
+        port, _, polled, *_ = stations
+        bus, start = self._bus, int(scans.starts[0])
+        end = start + scans.data
+        self._kernel.pass_events(end, HEARING)
+        bus.record(Transmission(port, frame, frame.chars, start, end, port.timing))
+        port.drain(end)
+        counters = scans.counter + np.arange(scans.number) & 15
+        columns: list[Alike] = []
+
+        def frames(station: int) -> Iterator[Frame]:
+            return map(encode_data, repeat(station), counters.tolist(), images[station].values())
+
+        for station, other in enumerate(polled, 1):
+            times = [each[station - 1] for each in (scans.polled, scans.replies, scans.replied)]
+            starts = times[0] - scans.poll
+            polls = map(encode_poll, repeat(station), counters.tolist())
+            columns.append(self._alike(port, polls, starts, counters))
+            columns += bus.reporter.attempts(port, station, starts, *times)
+            columns.append(self._alike(other, frames(station), times[1], counters))
+        if scans.number > 1:
+            later = scans.starts[1:-1]
+            columns.append(self._alike(port, islice(frames(0), 1, None), later, counters[1:]))
+            columns += bus.reporter.scans(port, scans.starts[:-1], scans.slaves)
+        # A link scan is recorded with the data frame after it.
+        ends = [each.varying.get("end", scans.starts[1:-1] + scans.data) for each in columns]
+        bus.sink.take_many(columns, self._breaks(np.sort(np.concatenate(ends))))
+        self._kernel.pass_events(scans.end, HEARING)  # what no sink that keeps the order has asked for
+
+    def _alike(
+        self, sender: LinkStation, frames: Iterable[Frame], starts: np.ndarray, counters: np.ndarray
+    ) -> Alike:
+        """The records of a sender's frames of one kind."""
+        import numpy as np
+
+        first, *_ = frames = list(frames)
+        tx = Transmission(sender, first, first.chars, 0, 0, sender.timing)
+        ends = starts + len(tx.chars) * self._bus.character
+        chars = np.array([frame.chars for frame in frames], object)
+        varying = {"start": starts, "end": ends, "counter": counters, "chars": chars}
+        return Alike(self._bus.frame_record(tx), varying)
+
+    def _breaks(self, ticks: np.ndarray) -> Iterator[int]:
+        """The indexes of records, made at these ticks, before which something else is recorded."""
+        while (event := self._kernel.next()) < ticks[-1]:
+            yield int(ticks.searchsorted(event, side="right"))
+            self._kernel.pass_events(event, SENDING)
 
 
 def _latest(starts: Sequence[int], old: int) -> list[int]:

@@ -9,7 +9,7 @@ from bussim.engines.nn.contract import STORED
 from bussim.engines.nn.frames import DATA, KIND_NAMES, Frame, FrameReader
 from bussim.line.characters import LineTiming
 from bussim.sim.independent import Part
-from bussim.sim.kernel import DEADLINES, Kernel
+from bussim.sim.kernel import DEADLINES, Kernel, Timer
 from bussim.sim.nn.block_history import BlockHistory
 from bussim.sim.nn.block_path import BlockPath
 from bussim.sim.nn.contract import LinkStation
@@ -28,6 +28,8 @@ class LinkBus(Line):
     in_blocks = True
     #: The parts of the simulation on which no link may act; none: what happens meanwhile is to come in order.
     parts: Sequence[Part] = ()
+    #: Timers that change nothing but what is recorded.
+    recording: Collection[Timer] = ()
 
     def __init__(
         self, name: str, timing: LineTiming, kernel: Kernel, sink: Sink, reporter: LinkReporter

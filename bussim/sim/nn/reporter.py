@@ -34,6 +34,7 @@ from bussim.plc.link_registers import (
 from bussim.plc.plc import Plc
 from bussim.sim.nn.contract import LinkStation
 from bussim.sim.notes import Notes
+from bussim.trace.blocks import Alike
 from bussim.trace.records import LATE_REPLY, AttemptRecord, ScanRecord
 from bussim.trace.sink import Sink
 from bussim.units import format_ms
@@ -149,11 +150,24 @@ class LinkReporter(Notes):
             case _:
                 assert_never(event)
 
-    def ordinary_scans(self, port: LinkStation, starts: np.ndarray, attempts: int) -> None:
-        """Record link scans between data frames that began at these ticks, without errors."""
-        if port.name == self._primary and len(starts) > 1:
-            self._sink.ordinary_scans(self._bus, self._scans, starts, attempts)
-            self._scans += len(starts) - 1
+    def scans(self, port: LinkStation, starts: np.ndarray, attempts: int) -> list[Alike]:
+        """Records of the link scans between data frames that began at these ticks, without errors."""
+        import numpy as np
+
+        if port.name != self._primary or len(starts) < 2:
+            return []
+        first, self._scans = self._scans, self._scans + len(starts) - 1
+        durations, numbers = starts[1:] - starts[:-1], np.arange(first, self._scans)
+        record = ScanRecord(self._bus, 0, 0, 0, attempts, 0, 0, "")
+        return [Alike(record, {"start": starts[:-1], "number": numbers, "duration": durations})]
+
+    def attempts(self, port: LinkStation, station: int, *times: np.ndarray) -> list[Alike]:
+        """Records of first attempts that succeeded; of polls and of replies the beginnings and the ends."""
+        if port.name != self._primary:
+            return []
+        start, polled, replied, end = times
+        record = self._attempt(AttemptEnded(0, 0, 0, 0, station, 1, 0))
+        return [Alike(record, {"start": start, "end": end, "turnaround": replied - polled})]
 
     def _attempt(self, event: AttemptEnded) -> AttemptRecord:
         return AttemptRecord(

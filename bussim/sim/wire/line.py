@@ -367,7 +367,7 @@ class Line(Cable):
             self.busy += now - self._busy_since
             self._busy_since = now
         for tx in self._unrecorded:
-            self._write(tx)
+            self.sink.take(self.frame_record(tx))
         self._unrecorded.clear()
 
     # -- the trace ---------------------------------------------------------------------------------
@@ -379,35 +379,32 @@ class Line(Cable):
 
     def _record_released(self) -> None:
         while self._unrecorded and self._unrecorded[0] not in self._tails:
-            self._write(self._unrecorded.pop(0))
+            self.sink.take(self.frame_record(self._unrecorded.pop(0)))
 
-    def _write(self, tx: Transmission) -> None:
+    def frame_record(self, tx: Transmission) -> FrameRecord:
+        """The record of a frame that is over."""
         frame, timing = tx.frame, tx.timing
         written = self._written
         if written is None or timing is not written[0]:
             written = self._written = timing, str(timing.format), float(timing.ppm)
         station, counter = (None, None) if frame is None else self._numbers(frame)
-        self.sink.take(
-            FrameRecord(
-                bus=self.name,
-                start=tx.start,
-                end=tx.end,
-                sender=tx.sender.name,
-                kind="jabber" if frame is None else self.kind_name(tx),
-                station=station,
-                counter=counter,
-                chars=tx.chars,
-                damaged_bits=tx.flips,
-                damaged_at={
-                    self.ports[position].name: bits for position, bits in (tx.rx_flips or {}).items()
-                },
-                collided=tx.collided,
-                cut=tx.cut,
-                protocol=self.protocol_of(tx.sender),
-                baud=timing.baud,
-                format=written[1],
-                ppm=written[2],
-                released=tx.released,
-                pauses=tx.pauses,
-            )
+        return FrameRecord(
+            bus=self.name,
+            start=tx.start,
+            end=tx.end,
+            sender=tx.sender.name,
+            kind="jabber" if frame is None else self.kind_name(tx),
+            station=station,
+            counter=counter,
+            chars=tx.chars,
+            damaged_bits=tx.flips,
+            damaged_at={self.ports[position].name: bits for position, bits in (tx.rx_flips or {}).items()},
+            collided=tx.collided,
+            cut=tx.cut,
+            protocol=self.protocol_of(tx.sender),
+            baud=timing.baud,
+            format=written[1],
+            ppm=written[2],
+            released=tx.released,
+            pauses=tx.pauses,
         )

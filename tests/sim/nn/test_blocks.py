@@ -78,6 +78,23 @@ def test_most_scans_are_done_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
         assert sum(sizes) > 0.8 * len(done.record.scans)
 
 
+@pytest.mark.parametrize("traced", [False, True])
+def test_what_is_recorded_every_second_ends_no_block(traced: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    ends: list[int] = []
+    original = BlockPath._pass
+
+    def counted(self: BlockPath, stations: object, scans: object, now: int) -> None:
+        original(self, stations, scans, now)  # type: ignore[arg-type]
+        ends.append(scans.end - now)  # type: ignore[attr-defined]
+
+    monkeypatch.setattr(BlockPath, "_pass", counted)
+    scenario = link(4, 1, seconds=9, profile=PROFILES["pw10"])
+    at_once = told(scenario, traced=traced)
+    assert max(ends) > 8 * SECOND
+    monkeypatch.setattr(LinkBus, "in_blocks", False)
+    assert told(scenario, traced=traced) == at_once
+
+
 def test_most_characters_of_damaged_frames_are_received_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
     events = []
     original = Receiver._on_character
