@@ -7,7 +7,7 @@ the image when a frame needs one, and stores what other stations sent.
 from typing import Protocol, TypeVar
 
 from bussim.engines.contract import OPEN, OWN_HINTS, Engine
-from bussim.engines.nn.frames import Frame, FrameReader, encode_data
+from bussim.engines.nn.frames import Frame, FrameReader
 
 #: Hint: the frame's block was accepted as its station's newest image.
 STORED = OWN_HINTS
@@ -24,12 +24,6 @@ class NnEngine(Engine[Frame, EventT], Protocol[EventT]):
     #: That block at the latest END, to be set by the driver before begin_transmit where it is wanted.
     image: bytes = b""
     _reader: FrameReader
-    _encoded: dict[int, Frame]
-    _encoded_image: bytes | None = None
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._encoded = {}
 
     def follow(self, reader: FrameReader) -> int:
         """Receive what a reader has taken, ahead of its time, if nothing is unfinished; returns OPEN or 0."""
@@ -40,15 +34,3 @@ class NnEngine(Engine[Frame, EventT], Protocol[EventT]):
     def unfinished(self) -> bool:
         """Whether a frame is."""
         return self._reader.open
-
-    def data_frame(self, station: int, counter: int) -> Frame:
-        """The data frame with :attr:`image`, encoded once for each counter while that stays the same."""
-        image = self.image
-        if image is not self._encoded_image:
-            if image != self._encoded_image:
-                self._encoded.clear()
-            self._encoded_image = image
-        frame = self._encoded.get(counter)
-        if frame is None:
-            frame = self._encoded[counter] = encode_data(station, counter, image)
-        return frame

@@ -26,6 +26,7 @@ from __future__ import annotations
 
 from binascii import hexlify
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 SOH: Final = 0x01
@@ -112,12 +113,14 @@ def _sealed(header: int, body: bytes) -> bytes:
     return bytes((header,)) + body + b"%02X" % (sum(body) & 0xFF)
 
 
+@lru_cache(1024)  # of each station and counter while its block stays the same
 def encode_data(station: int, counter: int, data: bytes) -> Frame:
     """The data frame of a station (0–7) with a counter (0–15) and its block's image."""
     body = b"%X%X%b\x03" % (station, counter, hexlify(data).upper())
     return Frame(DATA, station, counter, _sealed(STX, body), data)
 
 
+@lru_cache(1024)
 def encode_poll(station: int, counter: int) -> Frame:
     """The master's poll of a slave (1–7)."""
     return Frame(POLL, station, counter, _sealed(ENQ, b"%X%X" % (station, counter)))

@@ -26,6 +26,7 @@ from bussim.engines.nn.frames import (
     Frame,
     FrameReader,
     LinkSettings,
+    encode_data,
     encode_parameters,
     encode_poll,
 )
@@ -79,7 +80,6 @@ class Master(NnEngine[MasterEvent]):
         self.block_size = MODES[config.settings.mode].size
         self._reader = FrameReader()
         self._reader.data_size = self.block_size
-        self._polls = [[encode_poll(k, c) for c in range(16)] for k in range(1, STATIONS)]
         self._reset()
 
     def _reset(self) -> None:
@@ -301,13 +301,13 @@ class Master(NnEngine[MasterEvent]):
             self._scan_attempts += 1
             if self._attempt == 1:
                 self.polls += 1
-            return self._polls[self._station - 1][self._counter]
+            return encode_poll(self._station, self._counter)
         if self.state is MasterState.PARAMETERS:
             return encode_parameters(self._counter, self.config.settings)
         if self.state is not MasterState.DATA:
             raise RuntimeError(f"no frame is due while {self.state}")
         self._scan_begins(now)
-        return self.data_frame(0, self._counter)
+        return encode_data(0, self._counter, self.image)
 
     def _scan_begins(self, now: int) -> None:
         status = self.status

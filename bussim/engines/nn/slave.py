@@ -8,7 +8,7 @@ from bussim.engines.contract import DEADLINE, EVENTS, OPEN, TRANSMIT, RxChar
 from bussim.engines.nn import codes
 from bussim.engines.nn.contract import STORED
 from bussim.engines.nn.events import ParametersRefused, ParametersTaken, PolledWithoutParameters
-from bussim.engines.nn.frames import DATA, MODES, POLL, Damage, Frame, FrameReader, LinkSettings
+from bussim.engines.nn.frames import DATA, MODES, POLL, Damage, Frame, FrameReader, LinkSettings, encode_data
 from bussim.engines.nn.master import Master
 from bussim.engines.nn.monitor import NONE_PENDING, LinkMonitor, ReceptionState, SlaveConfig
 from bussim.engines.nn.ordinary import OrdinaryScans
@@ -182,7 +182,7 @@ class Slave(LinkMonitor):
         self._sent_counter = counter
         if self._reader.length:
             self._reader.reset()
-        return self.data_frame(self.config.station, counter)
+        return encode_data(self.config.station, counter, self.image)
 
     def transmit_done(self, now: int) -> int:
         """The reply has left: its poll has its reply, as far as this station knows."""

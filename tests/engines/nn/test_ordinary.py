@@ -69,7 +69,7 @@ class Link:
 
     def state(self) -> list[Any]:
         """All that the engines know, but frames that are only kept since they may come again."""
-        left_out = ("_encoded", "_encoded_image", "_events", "_reader", "config", "_scans")
+        left_out = ("_events", "_reader", "config", "_scans")
         found: list[Any] = [self.master.deadline(), *(slave.deadline() for slave in self.slaves)]
         for engine in (self.master, *self.slaves):
             values = {key: value for key, value in vars(engine).items() if key not in left_out}
