@@ -80,17 +80,23 @@ class Run:
     def __init__(self, mark: str, folder: Path) -> None:
         spec, traced = scenario(mark), mark == "trace"
         rows = mark.endswith("rows")
-        files: FileRows | None = None
+        self._files: FileRows | None = None
         if rows or traced:
             fmt = "parquet" if mark.startswith("Parquet") else "csv"
-            files = FileRows(folder, rows=rows, traced=traced, fmt=fmt, header=trace_header(spec))
-        self.sink = Counting(traced=traced, rows=files)
+            header = trace_header(spec)
+            self._files = FileRows(folder, rows=rows, traced=traced, fmt=fmt, header=header)
+        self.sink = Counting(traced=traced, rows=self._files)
         self.simulation = Simulation(spec, self.sink)
         self.stations = len(spec.plcs)
 
     def go(self, seconds: float) -> None:
         """Simulate so much more."""
         self.simulation.run(self.simulation.now + int(seconds * TICKS_PER_SECOND))
+
+    def close(self) -> None:
+        """Close its files."""
+        if self._files is not None:
+            self._files.close()
 
     @property
     def ends(self) -> int:
@@ -135,7 +141,6 @@ def python_calls(run: Run, seconds: float) -> int:
 def calls() -> dict[str, float]:
     """Python calls: of a link scan, traced or not, an exchange through the engines, an END, a transaction."""
     found = {}
-    folder = tempfile.TemporaryDirectory()  # of the trace
     for what, mark, seconds in (
         ("link scan", "W", 60),
         ("traced link scan", "trace", 60),
@@ -143,15 +148,17 @@ def calls() -> dict[str, float]:
         ("END", "programs", 2),
         ("transaction", "four ports", 5),
     ):
-        run = Run(mark, Path(folder.name))
-        run.go(3)
-        before = run.sink.scans, run.ends, run.sink.transactions
-        made = python_calls(run, seconds)
-        scans, ends, transactions = (
-            run.sink.scans - before[0],
-            run.ends - before[1],
-            run.sink.transactions - before[2],
-        )
+        with tempfile.TemporaryDirectory() as folder:
+            run = Run(mark, Path(folder))
+            run.go(3)
+            before = run.sink.scans, run.ends, run.sink.transactions
+            made = python_calls(run, seconds)
+            scans, ends, transactions = (
+                run.sink.scans - before[0],
+                run.ends - before[1],
+                run.sink.transactions - before[2],
+            )
+            run.close()
         number = {
             "link scan": scans,
             "traced link scan": scans,
