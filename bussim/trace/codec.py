@@ -80,8 +80,8 @@ def _int(value: Any) -> int:
     raise ValueError("is beyond every run")
 
 
-#: Ticks and counts are less, by far: 2,000 years.
-_LARGEST = 1 << 62
+#: Ticks and counts are less, by far: 500 years, whose nanoseconds a file of packets still holds in 64 bits.
+_LARGEST = 1 << 60
 _whole = _exactly(int, "a whole number")
 _plain_text = _exactly(str, "a text")
 _flag = _exactly(bool, "true or false")
@@ -94,6 +94,10 @@ def _by_name(value: Any) -> dict[str, Any]:
     return {visible(name): each for name, each in _object(value).items()}
 
 
+def _optional(read: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    return lambda value: None if value is None else read(value)
+
+
 def _ints(value: Any) -> tuple[int, ...]:
     return tuple(map(_int, _list(value)))
 
@@ -104,7 +108,7 @@ _BY_FLAG = {flag: protocol for protocol, flag in _FLAGS.items()}
 #: How a value of each type of field is read. One without an entry raises KeyError on import.
 _READERS: dict[Any, Callable[[Any], Any]] = {
     int: _int,
-    int | None: lambda value: None if value is None else _int(value),
+    int | None: _optional(_int),
     str: _text,
     bool: _flag,
     float: lambda value: float(value) if type(value) is int else _float(value),
@@ -133,11 +137,15 @@ def _between(low: float, high: float, read: Callable[[Any], Any]) -> Callable[[A
 
 
 _known_format = cache(CharFormat.parse)
-#: How fields of these names are read, which say how a line is driven.
-_OF_LINES: dict[str, Callable[[Any], Any]] = {
-    "baud": _between(1, 100_000_000, _int),
-    "format": lambda value: str(_known_format(_text(value))),
-    "ppm": _between(-500_000, 500_000, _READERS[float]),
+_instant = _between(0, _LARGEST - 1, _int)
+#: How fields of these names and types are read: how a line is driven, and instants, which are in the run.
+_BY_NAME: dict[tuple[str, Any], Callable[[Any], Any]] = {
+    ("baud", int): _between(1, 100_000_000, _int),
+    ("format", str): lambda value: str(_known_format(_text(value))),
+    ("ppm", float): _between(-500_000, 500_000, _READERS[float]),
+    **{(name, int): _instant for name in ("start", "end", "tick", "sampled")},
+    **{(name, int | None): _optional(_instant) for name in ("start", "end")},
+    ("ticks", tuple[int, ...]): lambda value: tuple(map(_instant, _list(value))),
 }
 #: How a value of a type of field is written where it is not written as it is.
 _WRITERS: dict[Any, Callable[[Any], Any]] = {
@@ -173,7 +181,7 @@ def _fields_of(record: type[Any], apart: str = "") -> list[_Field]:
             name,
             _KEYS.get((name, hints[name]), name),
             position,
-            _OF_LINES.get(name, _READERS[hints[name]]),
+            _BY_NAME.get((name, hints[name]), _READERS[hints[name]]),
             _WRITERS.get(hints[name]),
             defaults.get(name, _REQUIRED),
         )

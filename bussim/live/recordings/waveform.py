@@ -47,7 +47,7 @@ class Measured(NamedTuple):
 
 
 def measure(edges: np.ndarray, rate: int, samples: int) -> Measured | None:
-    """The line that a channel's edges are of; None of too few edges.
+    """The line that a channel's edges are of; None of too few edges, or of less than a bit a second.
 
     Before the first edge the level is high. ``rate`` is in samples a second, ``samples`` their number.
     """
@@ -62,6 +62,8 @@ def measure(edges: np.ndarray, rate: int, samples: int) -> Measured | None:
     fits = bool(bits)
     bits = bits or [max(1.0, float(np.percentile(apart, 3)))]
     measured = rate / bits[0]
+    if measured < 1:
+        return None
     near = min(STANDARD, key=lambda baud: abs(baud / measured - 1))
     standard = abs(near / measured - 1) <= _CLOSE
     levels = (1 + np.arange(len(edges) + 1)) & 1  # before the first edge, …, behind the last
