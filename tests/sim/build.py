@@ -268,3 +268,13 @@ def bus_of(done: Done | Simulation) -> LinkBus:
     """The bus of a simulation of :func:`link`."""
     simulation = done.simulation if isinstance(done, Done) else done
     return simulation.links["link"]
+
+
+def takers(done: Done, source: int) -> dict[int, set[int]]:
+    """Who took the blocks of a position, by the tick."""
+    found: dict[int, set[int]] = {}
+    for _, position, tick, heard in done.record.refreshes:
+        if position == source:
+            all_others = set(range(len(done.link.plc_names))) - {position}
+            found.setdefault(tick, set()).update(all_others if heard is None else heard)
+    return found
