@@ -121,7 +121,8 @@ class EndClock:
     def __init__(self, plc: Plc, kernel: Kernel, ports: Iterable[PlcPort], number: int) -> None:
         self._plc = plc
         self._ports = {port.port_registers.spec.name: port for port in ports}
-        self._turn_path = TurnPath(plc, tuple(self._ports.values()), kernel)
+        alone = self._ports and not plc.every_end
+        self._turn_path = TurnPath(plc, tuple(self._ports.values()), kernel) if alone else None
         # Those of one tick come in the order of PLCs, whether some were left out before or not.
         priority = EventPriority(END + number) if plc.every_end else END
         self.timer = kernel.timer(self._on_end, priority)
@@ -142,7 +143,7 @@ class EndClock:
         self.timer.cancel()
 
     def _on_end(self, now: int) -> None:
-        if self._turn_path.pass_turns(now):
+        if self._turn_path is not None and self._turn_path.pass_turns(now):
             self.schedule_end(now)
             return
         hints = self._plc.end(now)

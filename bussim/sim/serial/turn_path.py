@@ -39,7 +39,7 @@ class _Poll(NamedTuple):
 
 
 class TurnPath:
-    """The turns of one PLC's polls."""
+    """The turns of the polls of one PLC, of which not every END is carried out."""
 
     def __init__(self, plc: Plc, ports: Sequence[PlcPort], kernel: Kernel) -> None:
         self._plc = plc
@@ -53,7 +53,6 @@ class TurnPath:
         side = ports[0].port_registers.polling if len(ports) == 1 else None
         if (
             side is None
-            or plc.every_end
             or not (plc.ports_apart and plc.is_independent)
             or plc.cycle.on_change is not None
             or (plc.observer is not None and plc.observer.takes_ends)
