@@ -213,16 +213,9 @@ def _varying(kind: Any, names: frozenset[str]) -> tuple[list[_Written], Callable
     return written, itemgetter(*others)
 
 
-#: The fields of the most frequent records that differ from line to line while the rest of them recurs.
-_VARYING: dict[Any, frozenset[str]] = {
-    records.FrameRecord: frozenset(("start", "end")),
-    records.AttemptRecord: frozenset(("start", "end", "station", "turnaround")),
-    records.ScanRecord: frozenset(("start", "number", "duration")),
-}
-#: Of such a record what gets these fields' values, in the order in which they are written.
-_NUMBERS = {
-    kind: itemgetter(*(at for _, at, _ in _varying(kind, names)[0])) for kind, names in _VARYING.items()
-}
+#: The format of a value by how it is written.
+_FORMATS: dict[Any, str] = {None: "%d", bytes.hex: '"%s"', list: "[%s]"}
+_TICKS, _START_AND_END = frozenset(("ticks",)), frozenset(("start", "end"))
 
 
 class LineTexts:
@@ -235,11 +228,13 @@ class LineTexts:
 
     def of(self, record: Record) -> str:
         """The text of a record's line."""
-        numbers = _NUMBERS.get(type(record))
-        values = numbers(record) if numbers else (None,)
-        if None in values or getattr(record, "damaged_at", None):
-            return self._encode(to_line(record, self._buses))
-        return self._template(record, _VARYING[type(record)]) % values
+        match record:  # the most frequent ones
+            case records.EndsRecord(_, ticks):
+                return self._template(record, _TICKS) % (("%d," * len(ticks))[:-1] % ticks)
+            case records.FrameRecord(_, start, end) if not record.damaged_at:
+                return self._template(record, _START_AND_END) % (start, end)
+            case _:
+                return self._encode(to_line(record, self._buses))
 
     def of_block(self, block: RecordBlock) -> Iterator[str]:
         """The texts of a block's lines, each with its end."""
@@ -260,14 +255,14 @@ class LineTexts:
         kind: Any = type(record)
         templates = self._templates
         written, others = _varying(kind, names)
-        rest = (kind, names, *others(record))
+        rest = (kind, names, others(record))
         if rest not in templates:
             if len(templates) >= 4096:  # blocks have ever new contents
                 templates.clear()
             line = to_line(record, self._buses) | {key: "\0" for key, _, _ in written}
             text = self._encode(line).replace("%", "%%")
             for key, _, write in written:
-                text = text.replace(f'"{key}":"\\u0000"', f'"{key}":%d' if write is None else f'"{key}":"%s"')
+                text = text.replace(f'"{key}":"\\u0000"', f'"{key}":{_FORMATS[write]}')
             templates[rest] = text
         return templates[rest]
 

@@ -9,7 +9,15 @@ import pytest
 from bussim.errors import UsageError
 from bussim.trace.codec import LineTexts, from_line, header_line, header_of, to_line, type_of
 from bussim.trace.file import TRACE, read_trace
-from bussim.trace.records import AttemptRecord, FrameRecord, PollRecord, Record, ScanRecord, TraceHeader
+from bussim.trace.records import (
+    AttemptRecord,
+    EndsRecord,
+    FrameRecord,
+    PollRecord,
+    Record,
+    ScanRecord,
+    TraceHeader,
+)
 
 #: Folders of runs that were written by bussim 0.1.0 and stay as they are.
 STORED = Path(__file__).parents[1] / "results" / "stored"
@@ -64,6 +72,10 @@ def test_recurring_lines_differ_in_their_numbers_alone() -> None:
         for changes in ({}, {"start": 11}, {"start": 2**60}, {"bus": "other"}):
             changed = record._replace(**changes)
             assert texts.of(changed) == _encoded(to_line(changed, {}))
+    for name in ("p0", '%d "1"', "线"):
+        for ticks in ((), (7,), (7, 2**60)):
+            ends = EndsRecord(name, ticks)
+            assert texts.of(ends) == _encoded(to_line(ends, {}))
     damaged = frame._replace(damaged_at={"p1": (3,)}, pauses=((1, 20),), released=30)
     assert texts.of(damaged) == _encoded(to_line(damaged, {}))
     for number in range(10_000):  # as many as are kept, and more
