@@ -222,6 +222,7 @@ QUESTIONS = (
     "open",
     "save",
     "run/stop",
+    "run/said",
     "report",
 )
 
