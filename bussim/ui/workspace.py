@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import os
 import re
 from contextlib import suppress
 from hashlib import sha256
@@ -36,8 +35,9 @@ class Workspace:
         Raises UsageError where the folder cannot be read.
         """
         with reading(self.folder):
-            names = sorted(filter(_NAME.fullmatch, os.listdir(self.folder)))
-        found = [self.folder / name for name in names if self._plain(self.folder / name)]
+            found = sorted(
+                path for path in self.folder.iterdir() if _NAME.fullmatch(path.name) and self._plain(path)
+            )
         rows = [{"id": self.number(path), "name": path.name, "kind": "file"} for path in found[:_MOST_FILES]]
         for name, title in [(name, builtin.title(name)) for name in builtin.names()]:
             path = builtin.folder() / f"{name}.yaml"
@@ -100,10 +100,10 @@ class Workspace:
         folder = self.folder if key is None else self.path(key).parent.resolve()
         found: dict[str, bytes] = {}
         try:
-            named = sorted(name for name in os.listdir(folder) if name in text)
+            named = sorted(path for path in folder.iterdir() if path.name in text)
         except OSError:
             return found  # nothing lies in a folder that is gone
-        for path in (folder / name for name in named[:_MOST_FILES]):
+        for path in named[:_MOST_FILES]:
             with suppress(OSError):
                 if path.is_file() and path.resolve().parent == folder:
                     with path.open("rb") as file:

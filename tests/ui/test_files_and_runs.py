@@ -236,9 +236,9 @@ def test_a_recommendation_is_of_the_program_as_it_is_now(page: Page, tmp_path: P
 def test_a_file_of_the_line_is_found_among_however_many(page: Page, tmp_path: Path) -> None:
     for number in range(600):
         (tmp_path / f"{number}.il").touch()
-    last = os.listdir(tmp_path)[-1]  # as the file system has them
-    (tmp_path / last).write_text("LD M8002\nMOV K1 D8178\nEND\n", "utf-8")
-    assert page.ask("check", text=PROGRAM.replace("own.il", last))["form"]["mode"] == 1
+    *_, last = tmp_path.iterdir()  # as the file system has them
+    last.write_text("LD M8002\nMOV K1 D8178\nEND\n", "utf-8")
+    assert page.ask("check", text=PROGRAM.replace("own.il", last.name))["form"]["mode"] == 1
 
 
 @pytest.mark.slow
