@@ -121,7 +121,11 @@ def test_a_value_out_of_range_is_said_at_its_field(page: Page, form: dict[str, A
 
 def test_a_mistake_of_something_else_is_said_at_no_field(page: Page) -> None:
     port = "  - name: master\n    ports: {COM3: {bus: link, protocol: free, timeout: -1 s}}\n"
-    for old, new in (("name: slave1", "name: a;b"), ("name: link", "name: a;b"), ("  - name: master\n", port)):
+    for old, new in (
+        ("name: slave1", "name: a;b"),
+        ("name: link", "name: a;b"),
+        ("  - name: master\n", port),
+    ):
         _, error = page.refused("law", text=EXAMPLE.replace(old, new))
         assert {each["field"] for each in error["values"]["problems"]} == {""}
 
