@@ -6,13 +6,14 @@ from dataclasses import replace
 import click
 
 from bussim.commands.common.output import print_json, print_or_write, to_json
-from bussim.commands.common.scenario_options import code_option, unsimulated_option, values_of
+from bussim.commands.common.scenario_options import code_option, lang_option, unsimulated_option, values_of
 from bussim.devices.contract import MasterSettings
 from bussim.errors import Problem, UsageError
 from bussim.plc.program.program import Program
 from bussim.scenario.loader import Examined, examine
 from bussim.scenario.model import Scenario
 from bussim.units import format_time
+from bussim.words.language import say, shown
 
 
 @click.command()
@@ -23,6 +24,7 @@ from bussim.units import format_time
 @click.option("--force", is_flag=True, help="Replace the file if it exists.")
 @unsimulated_option
 @code_option
+@lang_option
 def command(
     scenarios: tuple[str, ...],
     *,
@@ -54,17 +56,18 @@ def command(
     found = []
     values = values_of((), allow_unsimulated=allow_unsimulated)
     for name in scenarios:
-        shown, source = ("<stdin>", sys.stdin.buffer) if name == "-" else (name, None)
-        found.append((shown, examine(shown, values, allow_code=allow_code, source=source)))
+        called, source = ("<stdin>", sys.stdin.buffer) if name == "-" else (name, None)
+        found.append((called, examine(called, values, allow_code=allow_code, source=source)))
     ok = all(examined.scenario is not None for _, examined in found)
     if as_json:
         files = [{"file": name, **_as_json(examined)} for name, examined in found]
         print_json({"schema": 2, "ok": ok, "files": files}, indent=1)
     for name, examined in () if as_json else found:
         for warning in examined.warnings:
-            click.echo(str(replace(warning, message=f"warning: {warning.message}")))
+            said = say("check_warning", message=warning.message)
+            click.echo(str(shown(replace(warning, message=said))))
         for error in examined.errors:
-            click.echo(str(error), err=True)
+            click.echo(str(shown(error)), err=True)
         if examined.scenario is not None:
             _show(name, examined.scenario)
     if not ok:
@@ -72,36 +75,35 @@ def command(
 
 
 def _show(name: str, scenario: Scenario) -> None:
-    click.echo(f"{name}: ok: {describe(scenario)}")
+    click.echo(shown(say("check_ok", name=name, what=describe(scenario))))
     for plc in scenario.plcs:
         if plc.program is not None:
-            click.echo(f"  {plc.name}: {_program(plc.program)}")
+            click.echo("  " + shown(say("check_program", plc=plc.name, program=_program(plc.program))))
 
 
 def describe(scenario: Scenario) -> str:
     """What a scenario has in it, in one line."""
     links = len(scenario.links)
-    parts = [
-        _count(len(scenario.plcs), "PLC"),
-        _count(links, "N:N link"),
-        _count(
-            len(scenario.buses) - links, "other bus" if links else "bus", "other buses" if links else "buses"
-        ),
-        _count(len(scenario.devices), "device"),
-        _count(_polls(scenario), "poll"),
-        _count(sum(plc.program is not None for plc in scenario.plcs), "program"),
-        _count(len(scenario.latency), "latency", "latencies"),
-        _count(len(scenario.noise), "noise entry", "noise entries"),
-        _count(len(scenario.faults), "fault"),
-        f"{format_time(scenario.duration)}, seed {scenario.seed}",
-    ]
-    return f"{scenario.name}: {', '.join(part for part in parts if part)}"
+    counts = {
+        "plcs": len(scenario.plcs),
+        "links": links,
+        "other_buses" if links else "buses": len(scenario.buses) - links,
+        "devices": len(scenario.devices),
+        "polls": _polls(scenario),
+        "programs": sum(plc.program is not None for plc in scenario.plcs),
+        "latencies": len(scenario.latency),
+        "noise": len(scenario.noise),
+        "faults": len(scenario.faults),
+    }
+    parts = [_count(number, what) for what, number in counts.items() if number]
+    run = say("check_run", duration=format_time(scenario.duration), seed=scenario.seed)
+    return say("check_has", name=scenario.name, parts=[*parts, run])
 
 
 def _program(program: Program) -> str:
-    number = _count(len(program.instructions), "instruction")
-    kind = f"; {program.kind}" if program.kind else ""
-    return f"program of {_count(program.steps, 'step')} ({number}){kind}"
+    number = _count(len(program.instructions), "instructions")
+    kind = say("check_kind", kind=program.kind) if program.kind else ""
+    return say("check_size", steps=_count(program.steps, "steps"), number=number, kind=kind)
 
 
 def _polls(scenario: Scenario) -> int:
@@ -109,10 +111,8 @@ def _polls(scenario: Scenario) -> int:
     return sum(len(plc.polls) for plc in scenario.plcs) + sum(len(hmi.polls) for hmi in hmis)
 
 
-def _count(number: int, one: str, many: str | None = None) -> str:
-    if number == 0:
-        return ""
-    return f"1 {one}" if number == 1 else f"{number} {many or one + 's'}"
+def _count(number: int, what: str) -> str:
+    return say(f"check_one_{what}" if number == 1 else f"check_{what}", number=number)
 
 
 def _as_json(examined: Examined) -> dict[str, object]:
