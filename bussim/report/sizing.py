@@ -48,6 +48,9 @@ def sizing_page(
 
 def _sentences(item: Mapping[str, Any]) -> Iterable[str]:
     yield from item["notes"]
+    yield from (text for goals in item["unmet"] for text in goals)
+    yield from (goal["text"] for goal in item.get("goals", ()))
+    yield from item.get("beside", ())
     yield from item.get("remedies", ())
     yield item.get("reason", "")
     for assumption in item.get("assumptions", ()):

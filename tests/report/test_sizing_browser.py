@@ -157,7 +157,7 @@ def test_the_recommended_setting_is_taken_by_the_keyboard(pages: dict[str, Path]
     verdict = window.find_element("id", "verdict")
     assert not use.is_enabled()
     set_to(window, {"retries": 0})
-    assert "misses: errors<=1/y, ride>=100ms" in verdict.text
+    assert "misses: false station errors: at most 1 a year, an interruption of the line of" in verdict.text
     assert "Recommended: D8179 = 4, D8180 = 5." in verdict.text
     use.send_keys(Keys.ENTER)
     assert "It is the recommended setting" in verdict.text

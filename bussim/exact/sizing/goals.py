@@ -143,11 +143,15 @@ class Goals:
 
     def forms(self) -> dict[str, str]:
         """Each goal as a user writes it, by its name."""
-        return {name: form for name, (form, _) in self._described().items()}
+        return {name: form.replace(" ", "") for name, (form, *_) in self._described().items()}
 
     def texts(self) -> dict[str, str]:
         """Each goal in words, by its name, with the user's own figures."""
-        return {name: words for name, (_, words) in self._described().items()}
+        return {name: words for name, (_, words, _) in self._described().items()}
+
+    def limits(self) -> dict[str, str]:
+        """What each goal is limited to, in words, by its name."""
+        return {name: limit for name, (*_, limit) in self._described().items()}
 
     def of_ports(self) -> tuple[str, ...]:
         """The goals of a poll list that there are."""
@@ -163,22 +167,21 @@ class Goals:
         value: Any = limit if name == "errors" else None if math.isinf(limit) else round(limit)
         return replace(self, **{name: value})
 
-    def form_of(self, name: str, limit: float | None = None) -> str:
-        """A goal of a poll list as a user writes it, with its own limit or another one."""
-        value = self.limit(name) if limit is None else limit
-        shown = Rate.of(value).form if name == "errors" else format_time(round(value)).replace(" ", "")
-        return f"{name}<={shown}"
-
     def rounded_up(self, name: str, value: float) -> float:
         """A limit that a figure of a poll list keeps, rounded to the safe side as a user would write it."""
         return Rate(at_most(value, 1)) if name == "errors" else math.ceil(value / TICKS_PER_MS) * TICKS_PER_MS
 
     def port_texts(self) -> dict[str, str]:
         """Each goal of a poll list in words, by its name."""
+        limits = self.port_limits()
+        errors = {"errors": say("goal_port_errors", rate=limits.pop("errors"))}
+        return errors | {name: say(f"goal_port_{name}", time=time) for name, time in limits.items()}
+
+    def port_limits(self) -> dict[str, str]:
+        """What each goal of a poll list is limited to, in words, by its name."""
         limits = {name: self.limit(name) for name in self.of_ports()}
         times = {name: format_time(round(limit)) for name, limit in limits.items() if name != "errors"}
-        errors = {"errors": say("goal_port_errors", rate=Rate.of(self.errors).in_words())}
-        return errors | {name: say(f"goal_port_{name}", time=time) for name, time in times.items()}
+        return {"errors": Rate.of(self.errors).in_words()} | times
 
     def figure(self, name: str, value: float) -> str:
         """The figure that a goal limits, in words that claim no more than it, by the goal's name."""
@@ -196,28 +199,33 @@ class Goals:
             case _:
                 return say("figure_a_year", number=a_year(value))
 
-    def _described(self) -> dict[str, tuple[str, str]]:
+    def _described(self) -> dict[str, tuple[str, str, str]]:
         every = Rate.of(self.errors)
-        found = {"errors": (f"errors<={every.form}", say("goal_errors", rate=every.in_words()))}
+        rate = every.in_words()
+        found = {"errors": (f"errors<={every.form}", say("goal_errors", rate=rate), rate)}
         if self.onsets is not None:
-            rate = Rate.of(self.onsets)
-            found["onsets"] = (f"onsets<={rate.form}", say("goal_onsets", rate=rate.in_words()))
+            onsets = Rate.of(self.onsets)
+            rate = onsets.in_words()
+            found["onsets"] = (f"onsets<={onsets.form}", say("goal_onsets", rate=rate), rate)
         if self.scan is not None:
             limit, chance = format_time(self.scan[0]), f"{self.scan[1]:.12g}"
-            found["scan"] = (f"scan<={limit}@{chance}", say("goal_scan", time=limit, chance=chance))
+            values = {"time": limit, "chance": chance}
+            words, short = say("goal_scan", **values), say("goal_limit_scan", **values)
+            found["scan"] = (f"scan<={limit}@{chance}", words, short)
         if self.dead is not None:
             limit = format_time(self.dead)
-            found["dead"] = (f"dead<={limit}", say("goal_dead", time=limit))
+            found["dead"] = (f"dead<={limit}", say("goal_dead", time=limit), limit)
         if self.ride:
             time = format_time(self.ride)
-            found["ride"] = (f"ride>={time}", say("goal_ride", time=time))
+            found["ride"] = (f"ride>={time}", say("goal_ride", time=time), time)
         elif "ride" in self.given:
-            found["ride"] = ("ride>=0", say("goal_no_ride"))
+            found["ride"] = ("ride>=0", say("goal_no_ride"), "0 ms")
         if self.heartbeat is not None:
             preset, missed = format_time(self.heartbeat[0]), Rate.of(self.heartbeat[1])
-            words = say("goal_heartbeat", time=preset, rate=missed.in_times())
-            found["heartbeat"] = (f"heartbeat={preset}@{missed.form}", words)
-        return {name: (form.replace(" ", ""), words) for name, (form, words) in found.items()}
+            values = {"time": preset, "rate": missed.in_times()}
+            words, short = say("goal_heartbeat", **values), say("goal_limit_heartbeat", **values)
+            found["heartbeat"] = (f"heartbeat={preset}@{missed.form}", words, short)
+        return found
 
 
 def _time(text: str, value: str, least: int = 1) -> int:

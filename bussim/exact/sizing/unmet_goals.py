@@ -327,11 +327,11 @@ def _changes(model: LinkModel, goals: Goals, now: Changed) -> list[str]:
         parts.append(say("help_mode", new=now.model.mode, old=model.mode))
     if now.less > 1:
         parts.append(say("help_noise", times=now.less))
-    after, before = now.goals.forms(), goals.forms()
+    after, limits = now.goals.texts(), goals.limits()
     return parts + [
-        say("help_goal", new=after.get(name, "ride>=0"), old=form)
-        for name, form in before.items()
-        if after.get(name) != form
+        say("help_goal", new=after.get(name, say("goal_no_ride")), old=limits[name])
+        for name, text in goals.texts().items()
+        if after.get(name) != text
     ]
 
 

@@ -46,9 +46,9 @@
 
   const verdict = () => {
     const missing = cell(item.missed), said = get("verdict"), best = item.recommended[state.noise];
-    const misses = item.goals.filter((_, bit) => (missing >> bit) & 1).map(({ form }) => form);
+    const misses = item.goals.filter((_, bit) => (missing >> bit) & 1).map(({ text }) => solver(text).text);
     const here = best !== null && best[0] === state.retries && best[1] === state.timeout;
-    const parts = [word(misses.length ? "misses" : "meets", { setting: setting(), goals: (misses.length ? misses : item.goals.map(({ form }) => form)).join(word("comma")) })];
+    const parts = [word(misses.length ? "misses" : "meets", { setting: setting(), goals: (misses.length ? misses : item.goals.map(({ text }) => solver(text).text)).join(word("comma")) })];
     if (best === null) parts.push(word("none"));
     else parts.push(here ? word("best") : word("other", { setting: setting(...best) }));
     const values = Object.fromEntries(Object.keys(item.figures).map((name) => [name, shown(name, figure(name))]));
@@ -94,9 +94,9 @@
         setting: each.stays ? word("stays") : each.setting ? word("instead", { setting: word("link.is", { retries: each.setting[0], units: each.setting[1] }) }) : word("none") }) };
     }));
     const notes = [...(item.polls ?? []).map(([name, device, least, most]) => ({ text: word("response", { name, device, least: time(least), most: time(most) }) })),
-      ...item.unmet.map((goals) => ({ text: word(goals.length > 1 ? "conflict" : "unmet", { goals: goals.join(word("comma")) }) })),
+      ...item.unmet.map((goals) => ({ text: word(goals.length > 1 ? "conflict" : "unmet", { goals: goals.map((text) => solver(text).text).join(word("comma")) }) })),
       ...item.remedies.map((text) => { const own = solver(text); return { ...own, text: word("remedy", own) }; }),
-      ...(item.beside ?? []).map((form) => ({ text: word("beside", { form }) })),
+      ...(item.beside ?? []).map((goal) => ({ text: word("beside", { goal: solver(goal).text }) })),
       ...item.notes.map(solver)];
     get("notes-part").hidden = !notes.length;
     list("notes", notes);

@@ -30,6 +30,8 @@ from tests.commands.size.test_ports import LINE
 
 SMALL = Detail(timeouts=3, points=12)
 
+_RIDE = "an interruption of the line of 100 ms without a station error"
+
 
 def payload(path: Path) -> dict[str, Any]:
     text = path.read_text(encoding="utf-8")
@@ -70,11 +72,11 @@ def test_figures_of_a_link_are_those_of_its_json() -> None:
         errors = choice["false_errors_per_year"]
         assert shown["errors"] == (float(a_year(errors, 1.0).replace(",", "")) if errors >= 1e-9 else 0)
         goals = [
-            each["form"] for bit, each in enumerate(item["goals"]) if at(item["missed"], *place) >> bit & 1
+            each["text"] for bit, each in enumerate(item["goals"]) if at(item["missed"], *place) >> bit & 1
         ]
         assert goals == [
-            *(["errors<=1/y"] if errors > 1 else []),
-            *(["ride>=100ms"] if choice["ride_through_ms"] < 100 else []),
+            *(["false station errors: at most 1 a year"] if errors > 1 else []),
+            *([_RIDE] if choice["ride_through_ms"] < 100 else []),
         ]
 
 
@@ -154,11 +156,11 @@ def test_a_list_that_cannot_be_sized_and_a_goal_that_is_not_judged_have_their_re
     assert found[item["notes"][0]] == "storm 时有时无：各次尝试的失败互相关联"
     (item,) = page_items(bussim.size(uniform_link(2, 0), ["heartbeat=2s@1/y", "ride>=0"]), SMALL)
     assert [each["name"] for each in item["goals"]] == ["errors"]
-    assert item["beside"] == ["heartbeat=2s@1/y"]
+    assert item["beside"] == ["a heartbeat of 2 s missed at most once a year"]
     (item,) = page_items(bussim.size(uniform_link(2, 0), ["dead<=20ms"]), SMALL)
     retries, timeout, judged = item["start"]
     assert item["recommended"][judged] is None
-    assert ["dead<=20ms"] in item["unmet"]
+    assert ["a scan of at most 20 ms with one station dead"] in item["unmet"]
     for each in item["remedies"]:
         assert_chinese(each)
     assert at(item["missed"], judged, retries, timeout) > 0

@@ -24,6 +24,7 @@ from bussim.exact.sizing.grid import evaluate
 from bussim.exact.sizing.noise_levels import scaled_noise
 from bussim.exact.sizing.size import size
 from bussim.exact.sizing.unmet_goals import (
+    Change,
     Unmet,
     conflicts,
     helpful_changes,
@@ -124,18 +125,26 @@ def advice_holds(model: LinkModel, texts: list[str]) -> None:
     for suggested in printed:
         assert recommend(suggested.model, suggested.goals) is not None
         old, new = goals.forms(), suggested.goals.forms()
-        for name in old:  # a goal that was moved is another one, the rest is as given
-            assert (new.get(name) == old[name]) == (f"instead of {old[name]}" not in suggested.text)
-        assert not re.search(r"(\S+) instead of \1(?!\S)", suggested.text)
-        moved = [name for name in old if new.get(name) != old[name]]
-        for name in moved:  # as little as that does: not a step less
+        for name, text in goals.texts().items():  # a goal that was moved is another one, the rest is as given
+            moved_to = suggested.goals.texts().get(
+                name, "no interruption of the line must pass without a station error"
+            )
+            assert (new.get(name) == old[name]) == (f"{moved_to} instead of " not in suggested.text)
+            assert f"{text} instead of " not in suggested.text
+        for name in _moves(suggested, goals):  # as little as that does: not a step less
             less = stricter(suggested.goals, name)
             assert less is None or recommend(suggested.model, less) is None, (suggested.text, name)
     if simple_change(model, goals):
         assert printed
     for name, free in without_limit(goals).items():
         if recommend(model, free) is not None:  # this goal alone stands in the way of the others
-            assert any(f.text.startswith(name) and " and " not in f.text for f in printed), name
+            assert any(_moves(f, goals) == [name] and " and " not in f.text for f in printed), name
+
+
+def _moves(suggested: Change, goals: Goals) -> list[str]:
+    """The goals that a change of a link moves."""
+    new = suggested.goals.forms()
+    return [name for name, form in goals.forms().items() if new.get(name) != form]
 
 
 def stricter(goals: Goals, name: str) -> Goals | None:
@@ -224,11 +233,15 @@ def without_limit(goals: Goals) -> dict[str, Goals]:
 )
 def test_a_goal_far_from_what_can_be_had_is_moved_to_what_can(texts: list[str], right: str) -> None:
     model, goals = link(2), goals_of(texts)
-    found = [each for each in helpful_changes(model, goals) if each.text.startswith(right)]
+    name = right.rstrip("<>=")
+    found = [
+        each for each in helpful_changes(model, goals) if each.goals.forms()[name] != goals.forms()[name]
+    ]
     assert len(found) == 1
     assert " and " not in found[0].text
     assert recommend(model, found[0].goals) is not None
-    moved = found[0].text.split(" instead of ")[0]
+    assert found[0].text.startswith(f"{found[0].goals.texts()[name]} instead of {goals.limits()[name]}")
+    moved = found[0].goals.forms()[name]
     assert recommend(model, goals_of([moved, *(t for t in texts if not t.startswith(right[:4]))])) is not None
     # A ms, a preset's step or a digit stricter does not do.
     value = re.search(r"[\d.]+(e-?\d+)?", moved)
@@ -293,7 +306,7 @@ def test_in_bursts_a_longer_timeout_might_do_with_a_little_less() -> None:
     model, texts = with_burst(link(1, mode=0), 60_000, 20, 0.0, 1e-3), ["errors<=1000/d", "ride>=0"]
     (found,) = helpful_changes(model, goals_of([*texts, "scan<=5ms@1e-06"]))
     assert found.text.endswith("; with bursts a little less might do with a longer timeout)")
-    moved = found.text.split(" instead of ")[0]
+    moved = found.goals.forms()["scan"]
     assert recommend(model, goals_of([*texts, moved])) is not None
     assert recommend(model, goals_of([*texts, "scan<=10ms@1e-06"])) is None
 

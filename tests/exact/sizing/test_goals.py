@@ -40,7 +40,12 @@ def test_every_form_in_the_help_is_understood_and_printed_again() -> None:
     assert list(goals.texts()) == list(LINK_GOALS)
     assert tuple(goals.port_texts()) == goals.of_ports() == PORT_GOALS
     assert {*LINK_GOALS, *PORT_GOALS} == set(FORMS)
-    assert all(goals.form_of(name) == FORMS[name] for name in PORT_GOALS)
+    limits = {"errors": "1 a year", "cycle": "500 ms", "dead": "400 ms", "age": "1 s"}
+    assert goals.port_limits() == limits
+    assert {name: goals.limits()[name] for name in ("errors", "dead")} == {
+        name: limits[name] for name in ("errors", "dead")
+    }
+    assert goals.limits()["heartbeat"] == "500 ms missed 0.1 times a year"
     assert goals.texts()["ride"] == "an interruption of the line of 100 ms without a station error"
     assert goals.texts()["heartbeat"] == "a heartbeat of 500 ms missed at most 0.1 times a year"
 

@@ -289,7 +289,8 @@ def test_what_helps_does_help() -> None:
     assert mode.startswith("refresh mode 1 instead of 2")
     assert size(with_mode(model, 1), goals).recommended is not None
     ride = size(model, Goals(ride=400 * MS, dead=400 * MS))
-    assert any(h.startswith("ride>=156ms instead of ride>=400ms (then") for h in ride.unmet[0].helps)
+    said = "an interruption of the line of 156 ms without a station error instead of 400 ms (then"
+    assert any(h.startswith(said) for h in ride.unmet[0].helps)
 
 
 def test_scaled_noise_and_smaller_modes() -> None:

@@ -77,7 +77,7 @@ def _link(bus: str, sizing: Sizing, detail: Detail) -> dict[str, Any]:
         "name": bus,
         "about": {"stations": len(model.stations) + 1, "mode": model.mode},
         "notes": [*model.not_replying, *model.notes, *sizing.reasons],
-        "unmet": [[goals.forms()[name] for name in each.goals] for each in sizing.unmet],
+        "unmet": [[goals.texts()[name] for name in each.goals] for each in sizing.unmet],
         "remedies": list(sizing.unmet[0].helps if sizing.unmet else ()),
     }
     if not sizing.valid:
@@ -111,7 +111,7 @@ def _link(bus: str, sizing: Sizing, detail: Detail) -> dict[str, Any]:
     names = list(checked[0].met)
     met = [np.array([each.met[name][np.ix_(rows, columns)] for each in checked]) for name in names]
     missed = np.sum([(~each).astype(int) << bit for bit, each in enumerate(met)], axis=0)
-    forms = goals.forms()
+    texts = goals.texts()
     return {
         **item,
         "valid": True,
@@ -123,8 +123,8 @@ def _link(bus: str, sizing: Sizing, detail: Detail) -> dict[str, Any]:
         "noises": [{"name": each.name, "value": noise_value(each.name, each.value)} for each in noises],
         "start": [*_place(chosen[judged], timeouts), judged],
         "recommended": [None if each is None else _place(each, timeouts) for each in chosen],
-        "goals": [{"name": name, "form": forms[name]} for name in names],
-        "beside": [form for name, form in forms.items() if name not in names and best and name != "ride"],
+        "goals": [{"name": name, "text": texts[name]} for name in names],
+        "beside": [text for name, text in texts.items() if name not in names and best and name != "ride"],
         "missed": packed(missed),
         "figures": {
             "mean": times(figures("mean")),

@@ -37,7 +37,7 @@ def port_item(node: str, sizing: PortSizing) -> dict[str, Any]:
         "name": node,
         "about": {"protocol": model.protocol, "bus": model.bus, "polls": len(model.polls)},
         "notes": list(sizing.reasons),
-        "unmet": [[goals.form_of(name) for name in each.goals] for each in sizing.unmet],
+        "unmet": [[goals.port_texts()[name] for name in each.goals] for each in sizing.unmet],
         "remedies": [each.in_words() for each in sizing.remedies],
     }
     if not sizing.valid:
@@ -79,7 +79,7 @@ def port_item(node: str, sizing: PortSizing) -> dict[str, Any]:
         "noises": [{"name": name, "value": noise_value(name, value)} for name, value, _ in noises],
         "start": [*start, judged],
         "recommended": [_cheapest(level, tried) for level in missed],
-        "goals": [{"name": name, "form": goals.form_of(name)} for name in names],
+        "goals": [{"name": name, "text": goals.port_texts()[name]} for name in names],
         "missed": packed(missed),
         "figures": {
             "mean": times(figures(lambda each: each.cycle)),

@@ -272,10 +272,11 @@ def _remedies(
         )
         if best is not None:
             limit = goals.rounded_up(name, best)
-            setting = _least(tried, goals.with_limit(name, limit))
+            easier = goals.with_limit(name, limit)
+            setting = _least(tried, easier)
             if setting is not None:
-                forms = goals.form_of(name, limit), goals.form_of(name)
-                yield Remedy(say("help_goal", new=forms[0], old=forms[1]), setting)
+                text = say("help_goal", new=easier.port_texts()[name], old=goals.port_limits()[name])
+                yield Remedy(text, setting)
 
 
 def _tried(model: PollListModel, goals: Goals, changed: _Changed, kinds: tuple[str, ...]) -> Remedy | None:
