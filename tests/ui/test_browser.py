@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+import bussim
 from bussim.scenario import builtin
 from tests.report.browser import chromium
 from tests.ui.asking import EXAMPLE, Page
@@ -122,6 +123,13 @@ def test_the_recommended_setting_is_used_and_copied(seen: Seen, tmp_path: Path) 
     seen.settle()
     assert "D8179 = 4, D8180 = 5 meets all goals" in seen.text("#verdict")
     assert "It is the recommended setting." in seen.text("#verdict")
+    best = bussim.size(bussim.loads(EXAMPLE)).links["link"].recommended
+    assert best is not None
+    at_bad = r"With noise at the level bad a link scan takes ([\d.]+) ms while a station is dead, instead of ([\d.]+) ms;"
+    shown = re.search(at_bad, seen.text("#verdict"))
+    assert shown is not None
+    for text, key in zip(shown.groups(), ("one_dead_ms", "mean_ms"), strict=True):  # both with the same noise
+        assert abs(float(text) - best.to_json()[key]) < 0.1
     assert not seen.one("#use").is_enabled()
     assert (seen.one("#retries").get_attribute("value"), seen.one("#timeout-box").get_attribute("value")) == (
         "4",
