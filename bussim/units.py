@@ -10,6 +10,7 @@ from decimal import Decimal
 from fractions import Fraction
 
 from bussim.words.language import say
+from bussim.words.tables import recognised
 
 TICKS_PER_SECOND = 72_000_000
 TICKS_PER_MS = 72_000
@@ -75,7 +76,7 @@ def _meant(word: str) -> str:
     """The end of a message about an unknown unit, in small letters: the one that is meant."""
     units = (unit for unit, begins in _WORDS.items() if word.startswith(tuple(begins.split())))
     meant = word if word in UNIT_TICKS else next(units, None)
-    return say("form_meant", meant=meant) if meant else ""
+    return say("form_meant", meant=recognised(meant, "unit_")) if meant else ""
 
 
 def format_time(ticks: int) -> str:

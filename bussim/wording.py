@@ -7,8 +7,6 @@ import re
 import unicodedata
 from collections.abc import Iterable, Sequence
 
-#: What texts are in that are no UTF-8.
-CODINGS = "GBK, Big5, Shift-JIS or Latin-1"
 #: Longest piece of the user's input that a message repeats.
 _SHOWN = 60
 

@@ -34,6 +34,15 @@ def pytest_xdist_auto_num_workers() -> int | None:
     return 1 + (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _mistakes_in_chinese() -> Iterator[None]:
+    """What tests find wrong in scenarios can be said in Chinese."""
+    from tests.words.chinese import watched
+
+    with watched():
+        yield
+
+
 @pytest.fixture
 def pictures_undrawn() -> Iterator[None]:
     """Pictures are files of a few bytes during a test."""

@@ -265,7 +265,7 @@ def _plc_device(value: object) -> PlcPoint:
     try:
         return PlcPoint(plc, parse_device(device[:100], observed=True))
     except ValueError as error:
-        raise fail(say("form_whose_device", value=value, error=error)) from None
+        raise fail(say("form_whose_device", value=value, error=error.args[0])) from None
 
 
 def _is_file_name(value: object) -> bool:

@@ -42,7 +42,7 @@ def named_devices(
         try:
             device = parse_device(name, observed=observed, family=family)
         except ValueError as error:
-            report.mistake((*path, name), say("form_device_of", path=path[-1], error=error), key=True)
+            report.mistake((*path, name), say("form_device_of", path=path[-1], error=error.args[0]), key=True)
             continue
         if device in seen:
             report.error((*path, name), say("form_same_device", seen=seen[device]), key=True)

@@ -8,6 +8,7 @@ from fractions import Fraction
 from functools import cache
 
 from bussim.units import TICKS_PER_SECOND, round_half_up
+from bussim.words.language import say
 
 #: Rates of the PLC ports' format word (PW10 board manual, section 6 "format").
 BAUDS = (4800, 9600, 19200, 38400, 57600, 115200)
@@ -28,10 +29,7 @@ class CharFormat:
         """``7E1``, ``8N1``, ``8-O-2``… Raises ValueError with a message for the user."""
         match = _FORMAT.fullmatch(text)
         if match is None:
-            raise ValueError(
-                f"is {text!r}, not a character format; write data bits 7 or 8, parity N, E or O, "
-                "stop bits 1 or 2, such as 8N1"
-            )
+            raise ValueError(say("form_no_format", text=text))
         return cls(int(match.group(1)), match.group(2).upper(), int(match.group(3)))
 
     def __str__(self) -> str:

@@ -84,8 +84,6 @@ class TextFormatter(Formatter):
 
     def format_field(self, value: Any, format_spec: str) -> str:
         """See :mod:`bussim.words.formats`."""
-        if isinstance(value, Exception):
-            value = value.args[0]
         if isinstance(value, Said):
             return self._shown(value)
         match format_spec:

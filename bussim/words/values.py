@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from bussim.wording import RawFloat, RawInt, names, nearest, plain_form, shorten
 from bussim.words.language import say
+from bussim.words.tables import recognised
 
 
 def show(value: object) -> str:
@@ -37,7 +38,8 @@ def describe(char: str) -> str:
     if char == "\t":
         return say("form_a_tab")
     shown = f"U+{ord(char):04X}" if char.isspace() else char
-    return f"{shown} ({unicodedata.name(char, 'no name').lower()})"
+    name = recognised(unicodedata.name(char, "no name").lower(), "char_")
+    return say("form_character_is", shown=shown, name=name)
 
 
 def odd(value: object) -> str:

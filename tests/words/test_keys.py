@@ -21,7 +21,7 @@ _ROOT = Path(bussim.__file__).parent
 _BY_CODE = (
     *("code_", "exception_", "port_error_", "reason_", "outcome_"),
     *("note_state_", "input_", "kind_", "message_word_"),
-    *("yaml_says_", "example_", "file_kind_of_", "slot_"),
+    *("yaml_says_", "example_", "file_kind_of_", "slot_", "unit_", "char_"),
 )
 
 

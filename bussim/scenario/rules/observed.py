@@ -26,7 +26,7 @@ def _check_device(path: Path, point: PlcPoint, member: Member | None, report: Re
         try:
             parse_device(str(point.device), observed=True, family=member.profile.family)
         except ValueError as error:
-            report.error(path, say("rule_whose_device", point=point, error=error))
+            report.error(path, say("rule_whose_device", point=point, error=error.args[0]))
 
 
 def check_latencies(resolved: Resolved, report: Report) -> None:

@@ -42,7 +42,7 @@ def _check_clock(member: Member, report: Report) -> None:
         try:
             clock_of([member.raw.get(f"D{address}", 0) & 0xFFFF for address in CLOCK[:-1]])
         except ValueError as error:
-            report.mistake(path, say("rule_no_clock", member=member.name, error=error))
+            report.mistake(path, say("rule_no_clock", member=member.name, error=error.args[0]))
     if "D8019" in member.raw:
         text = say("rule_weekday")
         report.warn(path, say("rule_of_plc", member=member.name, what=text))

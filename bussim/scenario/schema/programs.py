@@ -11,6 +11,7 @@ from bussim.forms.fields import FileName, Flag, Name, PlcDevice, Positive, Time,
 from bussim.forms.form import Model, OneKind
 from bussim.scenario.yaml.input_table import MAX_TIMES
 from bussim.words.language import say
+from bussim.words.tables import recognised
 from bussim.words.values import show
 
 #: How many devices a scenario may observe, and how many latencies it may measure.
@@ -46,7 +47,7 @@ class ProgramIn(OneKind):
             return {"text": value}
         if value.casefold().endswith(PROGRAM_ENDINGS):
             return {"file": value}
-        raise fail(say("form_program", found=show(value), expected=cls.example))
+        raise fail(say("form_program", found=show(value), expected=recognised(cls.example, "example_")))
 
 
 class PulseIn(Model):

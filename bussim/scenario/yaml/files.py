@@ -9,7 +9,7 @@ from pathlib import Path
 
 from bussim.files import kind_of
 from bussim.scenario import builtin
-from bussim.wording import CODINGS, nearest, shorten
+from bussim.wording import nearest, shorten
 from bussim.words.language import say
 from bussim.words.tables import recognised
 
@@ -125,9 +125,9 @@ class Files:
             if path.is_symlink():
                 return say("file_link_lost", path=shorten(str(path.readlink())))
             near = self._nearest(path)
-            return say("file_missing", where=where) + (say("form_meant", meant=near) if near else "")
+            return say("file_missing", where=where, hint=_meant(near))
         except ValueError:  # a NUL in the name
-            return say("file_missing", where=where)
+            return say("file_missing", where=where, hint="")
         return say("file_kind", kind=recognised(kind_of(mode), "file_kind_of_"))
 
     def _nearest(self, path: Path) -> str | None:
@@ -163,11 +163,15 @@ class GivenFiles(Files):
 
     def _why_not(self, name: str) -> str:
         near = nearest(name, [*self._given, *(entry.name for entry in _programs().iterdir())])
-        return say("file_not_given") + (say("form_meant", meant=near) if near else "")
+        return say("file_not_given", hint=_meant(near))
 
 
 def _programs() -> Path:
     return builtin.folder() / "programs"
+
+
+def _meant(near: str | None) -> str:
+    return say("form_meant", meant=near) if near else ""
 
 
 def _encoding(raw: bytes, position: int) -> str:
@@ -176,4 +180,4 @@ def _encoding(raw: bytes, position: int) -> str:
         return say("file_utf16")
     before = raw[:position].replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     line = before.count(b"\n") + 1
-    return say("file_no_utf8", line=line, byte=raw[position], codings=CODINGS)
+    return say("file_no_utf8", line=line, byte=raw[position], codings=say("form_codings"))

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from bussim.errors import Problem
 from bussim.scenario.yaml.repair import LINE_END, Mark, Mended, Trouble
 from bussim.scenario.yaml.source_map import Path, SourceMap
-from bussim.wording import CODINGS, RawFloat, RawInt, shorten
+from bussim.wording import RawFloat, RawInt, shorten
 from bussim.words.language import say
 from bussim.words.tables import recognised
 
@@ -100,7 +100,7 @@ def _text(source: bytes | str, file: str) -> str:
         before = raw[: error.start].decode("utf-8-sig", errors="replace")
         line, column = _mark_at(before, len(before))
         byte = raw[error.start]
-        message = say("yaml_no_utf8", byte=byte, codings=CODINGS)
+        message = say("yaml_no_utf8", byte=byte, codings=say("form_codings"))
         raise _Stop(Problem(file, line, column, message)) from None
 
 

@@ -55,9 +55,8 @@ def operand_problems(name: str, form: Form, operands: tuple[Operand, ...]) -> li
         # The first one too many, or the mnemonic that misses some.
         at = len(slots) if len(operands) > len(slots) else -1
         hint = say("program_semicolon") if at >= 0 else ""
-        return [
-            (at, say("program_takes", name=name, wanted=wanted, found=len(operands) or "none", hint=hint))
-        ]
+        there = len(operands) or say("program_found_none")
+        return [(at, say("program_takes", name=name, wanted=wanted, found=there, hint=hint))]
     found: list[tuple[int, str]] = []
     for number, (slot, operand) in enumerate(zip(slots, operands, strict=True)):
         message = _kind_problem(name, slot, operand) or _value_problem(name, form, slot, operand)

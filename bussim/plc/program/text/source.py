@@ -283,7 +283,7 @@ class Source:
             except ValueError as error:
                 more = form.spec is not SKIPPED and at >= len(slots_of(form, tuple(found)))
                 hint = say("program_semicolon") if more or re.search(r"[(\[{<]", word.text) else ""
-                self._wrong(word.line, word.column, say("program_error", error=error, hint=hint))
+                self._wrong(word.line, word.column, say("program_error", error=error.args[0], hint=hint))
         return tuple(found)
 
 
