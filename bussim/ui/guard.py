@@ -38,10 +38,14 @@ class Refusal(Exception):  # noqa: N818 - an answer, not a failure
         self.status, self.key, self.text, self.values = status, key, text, dict(values or {})
 
     @property
-    def response(self) -> Response:
+    def said(self) -> dict[str, Any]:
         """As the page gets it."""
-        said = {"key": self.key, "values": self.values, "text": self.text}
-        return JSONResponse({"error": said}, self.status)
+        return {"key": self.key, "values": self.values, "text": self.text}
+
+    @property
+    def response(self) -> Response:
+        """The answer of a request that is refused."""
+        return JSONResponse({"error": self.said}, self.status)
 
 
 class Guard:

@@ -168,7 +168,8 @@ def field_of(line_path: str) -> str:
     last = {"slaves": "stations", "mean": "scan", "jitter": "scan"}.get(parts[-1], parts[-1])
     if parts[0] in ("noise", "name"):
         return parts[0]
-    return last if last in Form.model_fields else ""
+    # Of a PLC its link and its scan: ports have a timeout, and all else a name, too.
+    return last if last in Form.model_fields and parts[2:3] in (["nn"], ["scan"], ["profile"]) else ""
 
 
 def _also(line: Line, data: Data) -> dict[str, int]:

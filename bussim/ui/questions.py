@@ -125,7 +125,8 @@ class Desk:
     def sized(self, asked: SizeAsked, line: Line) -> Sized:
         """What ``bussim.size`` says of a line: the same for all of its D8179 and D8180."""
         form = asked.form.model_copy(update={"name": None, "retries": None, "timeout": None})
-        key = (asked.text, form.model_dump_json(), asked.bus, asked.beside, tuple(asked.goals))
+        files = tuple(self.files(asked).items())  # a program may be another one since
+        key = (asked.text, form.model_dump_json(), asked.bus, files, tuple(asked.goals))
         found = self._sized.get(key)
         if found is None:
             try:

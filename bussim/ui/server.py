@@ -10,7 +10,7 @@ from collections.abc import AsyncIterator, Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated, Any, TypeVar, cast
+from typing import Annotated, Any, Literal, TypeVar, cast
 
 import anyio
 import uvicorn
@@ -53,6 +53,10 @@ class _Id(Strict):
     id: Name
 
 
+class _Said(_Id):
+    lang: Literal["en", "zh"]
+
+
 class _Save(Asked):
     target: Name
     expected: Name | None = None
@@ -83,7 +87,7 @@ class Service:
     example: str
     end: Callable[[], None]
     running: dict[str, StartedRun] = field(default_factory=dict)
-    _runs: dict[str, Path] = field(default_factory=dict)
+    _runs: dict[str, tuple[Path, Scenario]] = field(default_factory=dict)
     _waiting: dict[str, str] = field(default_factory=dict)
     _beginning: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(1))
 
@@ -102,6 +106,7 @@ class Service:
             "open": (_Id, lambda asked: self.workspace.read(self.workspace.path(asked.id))),
             "save": (_Save, self._save),
             "run/stop": (_Id, self._stop),
+            "run/said": (_Said, lambda asked: self._finished(asked.id, asked.lang)),
             "report": (_Report, self._report),
             "quit": (_Empty, self._end),
         }
@@ -135,15 +140,19 @@ class Service:
 
     def _hello(self, _: _Empty) -> dict[str, Any]:
         workspace = self.workspace
-        opened = workspace.opened
-        example = {"text": self.example, "name": "", "id": None, "hash": None}
+        opened, bad = {"text": self.example, "name": "", "id": None, "hash": None}, None
+        if workspace.opened is not None:
+            try:
+                opened = workspace.read(workspace.opened)
+            except Refusal as error:  # the page opens another one, or has a line in its tab
+                bad = error.said
         return {
             "version": __version__,
             "lang": self.lang,
             "profiles": profiles(),
             "folder": str(workspace.folder),
-            "entries": workspace.listing(),
-            "opened": example if opened is None else workspace.read(opened),
+            "opened": opened,
+            "bad": bad,
         }
 
     def _save(self, asked: _Save) -> dict[str, Any]:
@@ -155,12 +164,20 @@ class Service:
         self.running[asked.id].stop()
         return {}
 
+    def _finished(self, key: str, lang: str) -> dict[str, Any]:
+        if key not in self._runs:
+            raise Refusal(400, "unknown_id", "no such run was finished")
+        folder, scenario = self._runs[key]
+        return {"event": "finished", "folder": str(folder), "id": key, **finished(folder, scenario, lang)}
+
     def _report(self, asked: _Report) -> dict[str, Any]:
         if asked.run is None:
             text = self._desk.printed(asked)
         elif asked.run in self._runs:
             with TemporaryDirectory() as folder:
-                made = self.report(self._runs[asked.run], out=Path(folder) / "report.html", lang=asked.lang)
+                made = self.report(
+                    self._runs[asked.run][0], out=Path(folder) / "report.html", lang=asked.lang
+                )
                 text = made.read_text(encoding="utf-8")
         else:
             raise Refusal(400, "unknown_id", "no such run was finished")
@@ -218,9 +235,8 @@ class Service:
             while (step := await to_thread.run_sync(next, steps, None, abandon_on_cancel=True)) is not None:
                 yield _json({"event": "progress", **step._asdict()})
             result = await to_thread.run_sync(running.result, abandon_on_cancel=True)
-            folder = self._runs[key] = cast("Path", result.folder)
-            found = await to_thread.run_sync(finished, folder, scenario, lang)
-            yield _json({"event": "finished", "folder": str(folder), "id": key, **found})
+            self._runs[key] = cast("Path", result.folder), scenario
+            yield _json(await to_thread.run_sync(self._finished, key, lang))
         except (BussimError, OSError, ValueError) as error:
             yield _json({"event": "stopped" if running.stopped else "failed", "text": str(error)})
         finally:

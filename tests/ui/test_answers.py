@@ -119,6 +119,17 @@ def test_a_value_out_of_range_is_said_at_its_field(page: Page, form: dict[str, A
     assert field in [each["field"] for each in error["values"]["problems"]]
 
 
+def test_a_mistake_of_something_else_is_said_at_no_field(page: Page) -> None:
+    port = "  - name: master\n    ports: {COM3: {bus: link, protocol: free, timeout: -1 s}}\n"
+    for old, new in (
+        ("name: slave1", "name: a;b"),
+        ("name: link", "name: a;b"),
+        ("  - name: master\n", port),
+    ):
+        _, error = page.refused("law", text=EXAMPLE.replace(old, new))
+        assert {each["field"] for each in error["values"]["problems"]} == {""}
+
+
 @pytest.mark.parametrize(
     "form", [{"stations": 9}, {"retries": -1}, {"retries": "3"}, {"off": "x"}, {"no": 1}]
 )
@@ -222,6 +233,7 @@ QUESTIONS = (
     "open",
     "save",
     "run/stop",
+    "run/said",
     "report",
 )
 

@@ -183,3 +183,70 @@ def test_counters_read_on_site_become_noise(page: Page) -> None:
 def test_quit_ends_the_server(page: Page) -> None:
     page.ask("quit")
     assert page.ended
+
+
+def test_the_file_that_was_opened_is_saved_whatever_way_leads_to_it(tmp_path: Path) -> None:
+    (tmp_path / "below").mkdir()
+    (tmp_path / "line.yaml").write_text(EXAMPLE, "utf-8")
+    (tmp_path / "way").symlink_to(tmp_path)
+    for way in ("below/..", "way"):
+        page = Page(tmp_path / way, tmp_path / way / "line.yaml")
+        opened = page.ask("hello")["opened"]
+        assert page.ask("save", text=EXAMPLE, target="line.yaml", expected=opened["hash"])
+
+
+@pytest.mark.parametrize("raw", [None, EXAMPLE.replace("mode 2", "压机").encode("gbk")])
+def test_a_page_whose_file_cannot_be_read_begins_with_the_example_and_says_so(
+    tmp_path: Path, raw: bytes | None
+) -> None:
+    file = tmp_path / "line.yaml"
+    if raw is not None:
+        file.write_bytes(raw)
+    said = Page(tmp_path, file).ask("hello")
+    assert said["opened"]["text"] == EXAMPLE
+    assert (said["bad"]["key"], said["bad"]["values"]) == ("unreadable", {"name": "line.yaml"})
+    assert Page(tmp_path).ask("hello")["bad"] is None
+
+
+def test_what_is_wrong_with_the_folder_is_no_fault_of_bussim(page: Page, tmp_path: Path) -> None:
+    (tmp_path / "folder.yaml").mkdir()
+    for name in ("folder.yaml", "线" * 95 + ".yaml"):  # more than 255 bytes
+        assert page.refused("save", text=EXAMPLE, target=name)[0] == 400
+    (tmp_path / "folder.yaml").rmdir()
+    tmp_path.rmdir()
+    assert page.ask("hello")["opened"]["text"] == EXAMPLE
+    assert page.ask("law", text=EXAMPLE)["figures"]
+    assert page.refused("list")[1]["key"] == "refused"
+    assert page.refused("save", text=EXAMPLE, target="a.yaml")[1]["key"] == "unwritable"
+
+
+#: A line whose master takes its refresh mode from a program in a file.
+PROGRAM = EXAMPLE.replace("  - name: master\n", "  - name: master\n    program: {file: own.il}\n")
+
+
+def test_a_recommendation_is_of_the_program_as_it_is_now(page: Page, tmp_path: Path) -> None:
+    found = []
+    for mode in (1, 0):
+        (tmp_path / "own.il").write_text(f"LD M8002\nMOV K{mode} D8178\nEND\n", "utf-8")
+        found.append(page.ask("size", text=PROGRAM)["sizing"]["recommended"])
+    assert found[1] == Page(tmp_path).ask("size", text=PROGRAM)["sizing"]["recommended"]
+    assert found[0] != found[1]
+
+
+def test_a_file_of_the_line_is_found_among_however_many(page: Page, tmp_path: Path) -> None:
+    for number in range(600):
+        (tmp_path / f"{number}.il").touch()
+    *_, last = tmp_path.iterdir()  # as the file system has them
+    last.write_text("LD M8002\nMOV K1 D8178\nEND\n", "utf-8")
+    assert page.ask("check", text=PROGRAM.replace("own.il", last.name))["form"]["mode"] == 1
+
+
+@pytest.mark.slow
+def test_what_a_run_says_is_told_again_in_the_other_language(page: Page) -> None:
+    done = run(page, duration_s=2, seed=1)[-1]
+    again = page.ask("run/said", id=done["id"], lang="zh")
+    assert again["histograms"]["link"]["law"] == done["histograms"]["link"]["law"]
+    assert again["verdict"] != done["verdict"]
+    assert "链接扫描" in again["verdict"][0]
+    assert page.ask("run/said", id=done["id"], lang="en") == done
+    assert page.refused("run/said", id="x", lang="en")[1]["key"] == "unknown_id"

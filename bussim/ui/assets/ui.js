@@ -55,6 +55,8 @@
   const gone = (is) => {
     if (ended) return;
     get("gone").hidden = !is;
+    const changes = Object.entries(line.form).map(([key, each]) => `${word(has(key) ? key : "line_name")}: ${typeof each === "object" ? JSON.stringify(each) : each}`);
+    if (is) get("gone").textContent = [word("gone"), changes.length ? word("gone_unsaved", { changes: changes.join(word("comma")) }) : ""].filter(Boolean).join(word("space"));
     clearTimeout(retrying);
     if (is) retrying = setTimeout(() => (begun ? ask("list").then(refresh, () => {}) : begin()), 2000);
   };
@@ -114,7 +116,7 @@
     clearTimeout(later);
     clearTimeout(calm);
     later = setTimeout(() => lanes.size.ask({ ...question(), goals: goals() }), 40);
-    if (get("gaps").open) calm = setTimeout(() => lanes.refresh.ask(question()), 300);
+    calm = setTimeout(() => { if (get("gaps").open) lanes.refresh.ask(question()); followForm(); }, 300);
   };
   // What is not of the line as it is now is marked.
   const busy = () => {
@@ -157,6 +159,25 @@
     }));
     busy();
   };
+  // ---- the text: the form's changes are in it while nobody types there ----
+  let written = { area: "", form: {} };
+  const fillText = (text, form = {}) => { get("yaml").value = text; written = { area: get("yaml").value, form }; };
+  const isTyped = () => get("yaml").value !== written.area;
+  // A text area has line feeds alone, whatever the file has.
+  const typedText = () => (/\r\n/.test(line.text) && !/[^\r]\n/.test(line.text) ? get("yaml").value.replaceAll("\n", "\r\n") : get("yaml").value);
+  const followForm = async () => {
+    if (!get("yaml-part").open || !get("problems").hidden || isTyped()) return;
+    const { form } = line, asked = n, found = await ask("edit", question()).catch(() => null);
+    if (found && asked === n && !isTyped()) fillText(found.text, form);
+  };
+  const takeText = () => { // and what was moved since it was written there
+    const text = typedText(), moved = Object.entries(line.form).filter(([key, each]) => JSON.stringify(each) !== JSON.stringify(written.form[key]));
+    past.push(JSON.stringify(line));
+    Object.assign(line, { text, form: Object.fromEntries(moved), unsaved: true, example: false });
+    fillText(text);
+    refresh();
+    showForm();
+  };
   const jumpTo = (place) => {
     get("yaml-part").open = true;
     const area = get("yaml"), rows = area.value.split("\n");
@@ -168,7 +189,7 @@
 
   // ---- the form ----
   const SLIDERS = ["stations", "retries", "timeout", "scan"];
-  const dirty = () => Object.keys(line.form).length > 0 || line.unsaved === true;
+  const dirty = () => Object.keys(line.form).length > 0 || line.unsaved === true || isTyped();
   const set = (changes) => {
     past.push(JSON.stringify(line));
     past = past.slice(-200);
@@ -306,10 +327,12 @@
     set({ profile, ...(modes.includes(value("mode")) ? {} : { mode: Math.max(...modes) }) });
   });
   get("bus").addEventListener("change", async () => { // what was moved of the other link goes into the text
+    if (isTyped()) takeText();
     const bus = get("bus").value, found = await ask("edit", question()).catch(() => null);
     if (!found) { get("bus").value = checked.bus; return; }
     past.push(JSON.stringify(line));
     Object.assign(line, { text: found.text, unsaved: dirty(), form: {}, bus });
+    fillText(line.text);
     range = 0;
     refresh();
   });
@@ -344,7 +367,7 @@
   });
   for (const id of GOALS) get(id).addEventListener("input", refresh);
   get("without").addEventListener("change", () => { line.without = get("without").checked; refresh(); });
-  get("undo").addEventListener("click", () => { line = JSON.parse(past.pop()); noiseKind = null; get("yaml").value = line.text; refresh(); showForm(); });
+  get("undo").addEventListener("click", () => { const wasTyped = isTyped(); line = JSON.parse(past.pop()); noiseKind = null; if (!wasTyped) fillText(line.text); refresh(); showForm(); });
   // A wheel over a box would change its value by accident.
   addEventListener("wheel", ({ target }) => { if (target.matches?.("input[type=number], input[type=range]")) target.blur(); }, { passive: true });
 
@@ -532,8 +555,10 @@
   const drawn = {};
   const draw = (id, kind, data) => {
     if (get(id).hidden || !get(id).querySelector(".plot").clientWidth) return;
-    if (data || !drawn[id]) drawn[id] = new kind(get(id), data ?? {});
-    else drawn[id].draw();
+    if (!data && drawn[id]) { drawn[id].draw(); return; }
+    drawn[id]?.u?.destroy();
+    get(id).querySelector(".tools")?.replaceChildren();
+    drawn[id] = new kind(get(id), data ?? {});
   };
   let pending = 0, traded = true; // what is traded is of a sizing alone
   const drawCharts = (trade = true) => {
@@ -664,7 +689,7 @@
   const toggled = (button, panel) => button.addEventListener("click", async () => {
     get(panel).hidden = !get(panel).hidden;
     button.setAttribute("aria-expanded", String(!get(panel).hidden));
-    if (panel === "opening" && !get(panel).hidden) entries((await ask("list")).entries);
+    if (panel === "opening" && !get(panel).hidden) ask("list").then((found) => entries(found.entries), cannotOpen);
     if (panel === "saving") { get("target").value ||= line.name && /\.ya?ml$/i.test(line.name) ? line.name : "line.yaml"; get("target").focus(); }
   });
   toggled(get("open"), "opening");
@@ -675,18 +700,19 @@
     past = []; noiseKind = null; range = 0; kept = null; checked = null; run = null;
     get("forget").hidden = true;
     get("ran").hidden = get("opening").hidden = get("saving").hidden = true;
-    get("yaml").value = found.text;
+    fillText(found.text);
     get("target").value = "";
     get("run-said").textContent = "";
     refresh();
   };
-  const mayLeave = () => !dirty() || line.example || confirm(word("discard"));
+  const cannotOpen = (error) => { get("open-bad").hidden = false; get("open-bad").textContent = said(error); };
+  const mayLeave = (key = "discard") => !dirty() || line.example || confirm(word(key));
   const entries = (rows) => {
     get("entries").replaceChildren(...rows.map((each) => {
       const item = node("li"), button = node("button", { type: "button", "data-entry": each.name }, each.name);
       button.addEventListener("click", async () => {
         if (!mayLeave()) return;
-        try { take(await ask("open", { id: each.id })); } catch (error) { get("open-bad").hidden = false; get("open-bad").textContent = said(error); }
+        try { take(await ask("open", { id: each.id })); } catch (error) { cannotOpen(error); }
       });
       item.append(button, node("span", {}, each.about ? ` ${word("built_in", { about: each.about })}` : ""));
       return item;
@@ -694,40 +720,37 @@
   };
   get("chosen-file").addEventListener("change", async () => {
     const [file] = get("chosen-file").files;
-    if (file && mayLeave()) take({ text: await file.text(), name: file.name, id: null, hash: null });
+    if (file && mayLeave()) {
+      const bytes = await file.arrayBuffer();
+      try { take({ text: new TextDecoder("utf-8", { fatal: true, ignoreBOM: true }).decode(bytes), name: file.name, id: null, hash: null }); } catch { cannotOpen({ key: "unreadable", values: { name: file.name } }); }
+    }
     get("chosen-file").value = "";
   });
   get("save-now").addEventListener("click", async () => {
     const bad = get("save-bad"), target = get("target").value.trim();
     bad.hidden = true;
+    if (isTyped()) takeText();
     try {
       const found = await ask("save", { ...question(), target, expected: target === line.name ? line.hash : null });
       Object.assign(line, { text: found.text, name: found.name, id: found.id, hash: found.hash, form: {}, unsaved: false, example: false });
       get("saving").hidden = true;
       get("save").setAttribute("aria-expanded", "false");
-      get("yaml").value = line.text;
+      fillText(line.text);
       refresh();
     } catch (error) {
       bad.hidden = false;
       bad.textContent = error.key === "name" ? word("name_bad") : said(error);
     }
   });
-  get("apply").addEventListener("click", () => {
-    past.push(JSON.stringify(line));
-    Object.assign(line, { text: get("yaml").value, form: {}, unsaved: true, example: false });
-    refresh();
-    showForm();
-  });
-  get("yaml-part").addEventListener("toggle", async () => {
-    if (!get("yaml-part").open || !get("problems").hidden) return;
-    const found = await ask("edit", question()).catch(() => null);
-    if (found) { get("yaml").value = found.text; }
-  });
+  get("apply").addEventListener("click", takeText);
+  get("yaml").addEventListener("input", () => { keepInTab(); showForm(); });
+  get("yaml-part").addEventListener("toggle", followForm);
   const keepInTab = () => {
-    try { sessionStorage.setItem(KEPT_IN_TAB, JSON.stringify({ line, lang, goals: GOALS.map((id) => get(id).value) })); } catch { /* too large for a tab */ }
+    const kept_ = { line, lang, goals: GOALS.map((id) => get(id).value), typed: isTyped() ? { written, area: get("yaml").value } : null };
+    try { sessionStorage.setItem(KEPT_IN_TAB, JSON.stringify(kept_)); } catch { sessionStorage.removeItem(KEPT_IN_TAB); /* too large; no older line instead */ }
   };
   get("quit").addEventListener("click", async () => {
-    if (!mayLeave()) return;
+    if (!mayLeave("discard_quit")) return;
     ended = true;
     await ask("quit").catch(() => {});
     get("gone").hidden = false;
@@ -748,7 +771,14 @@
     if (sized) showSize();
     if (run) shownRun();
   };
-  for (const each of document.querySelectorAll("button[data-lang]")) each.addEventListener("click", () => { lang = each.dataset.lang; speak(); refresh(); });
+  for (const each of document.querySelectorAll("button[data-lang]")) each.addEventListener("click", async () => {
+    lang = each.dataset.lang;
+    speak();
+    refresh();
+    if (!run) return;
+    const found = await ask("run/said", { id: run.id, lang }).catch(() => null);
+    if (found && run?.id === found.id) event(found);
+  });
   get("controls").addEventListener("submit", (event_) => event_.preventDefault());
   const begin = async () => {
     try { limits = await ask("hello"); } catch (error) {
@@ -767,12 +797,14 @@
     if (saved) {
       ({ line, lang } = saved);
       saved.goals.forEach((text, place) => { get(GOALS[place]).value = text; });
-      get("yaml").value = line.text;
+      fillText(line.text);
+      if (saved.typed) { written = saved.typed.written; get("yaml").value = saved.typed.area; get("yaml-part").open = true; }
       speak();
       refresh();
     } else {
       speak();
       take(limits.opened);
+      if (limits.bad) { get("open").click(); cannotOpen(limits.bad); }
     }
     begun = true;
     document.documentElement.dataset.ready = "true";

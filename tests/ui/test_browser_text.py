@@ -1,0 +1,116 @@
+"""The text on the page: typed while sliders move, saved as its file is, and read in the coding that it has."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.report.browser import chromium
+from tests.ui.asking import EXAMPLE
+from tests.ui.test_browser_files import event, opened
+from tests.ui.window import Seen, server
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"),
+]
+
+
+@pytest.fixture(scope="module")
+def window() -> Iterator[Any]:
+    with chromium() as found:
+        yield found
+
+
+@pytest.fixture
+def seen(window: Any, tmp_path: Path) -> Iterator[Seen]:
+    (tmp_path / "line.yaml").write_bytes(b"\xef\xbb\xbf" + EXAMPLE.replace("\n", "\r\n").encode())
+    with server(tmp_path, str(tmp_path / "line.yaml"), "--lang", "en") as (_, address):
+        found = Seen(window, address)
+        found.load()
+        found.js("document.getElementById('yaml-part').open = true")
+        yield found
+
+
+def area(seen: Seen) -> str:
+    return str(seen.one("#yaml").get_attribute("value"))
+
+
+def save(seen: Seen) -> None:
+    seen.click("#save")
+    seen.click("#save-now")
+    seen.until(lambda: seen.text("#file") == "saved")
+
+
+def test_the_text_follows_the_sliders_and_loses_nothing_that_is_typed(seen: Seen, tmp_path: Path) -> None:
+    seen.put("#retries", 6)
+    seen.until(lambda: "retries: 6 " in area(seen))
+    seen.put("#yaml", area(seen).replace("seed: 1 ", "seed: 77 "))
+    assert seen.text("#file") == "changed, not saved"
+    seen.put("#timeout", 7)
+    seen.settle()
+    seen.load(fresh=False)  # also of what is typed
+    assert "seed: 77 " in area(seen)
+    save(seen)
+    raw = (tmp_path / "line.yaml").read_bytes()
+    wanted = EXAMPLE.replace("seed: 1 ", "seed: 77 ").replace("retries: 3", "retries: 6")
+    wanted = wanted.replace("timeout: 100 ms", "timeout: 70 ms")
+    assert raw == b"\xef\xbb\xbf" + wanted.replace("\n", "\r\n").encode()  # with the line ends that it had
+    seen.click("#undo")
+    seen.settle()
+    assert "seed: 77 " not in area(seen)
+
+
+def test_a_file_that_is_no_utf_8_is_not_taken_with_other_letters(seen: Seen, tmp_path: Path) -> None:
+    file = tmp_path / "gbk.yaml"
+    file.write_bytes(EXAMPLE.replace("mode 2", "压机").encode("gbk"))
+    seen.click("#open")
+    seen.one("#chosen-file").send_keys(str(file))
+    seen.until(lambda: "gbk.yaml cannot be read" in seen.text("#open-bad"))
+    assert seen.line()["text"].startswith("\ufeff# 4 PLCs")
+
+
+def test_a_page_outlives_its_file(seen: Seen, tmp_path: Path) -> None:
+    seen.put("#retries", 8)
+    seen.settle()
+    (tmp_path / "line.yaml").unlink()
+    seen.load(fresh=False)
+    assert seen.line()["form"] == {"retries": 8}
+    assert seen.one("#tiles").is_displayed()
+    seen.js("sessionStorage.clear()")
+    seen.load(fresh=False)
+    seen.until(lambda: "line.yaml cannot be read" in seen.text("#open-bad"))
+    assert "This is an example" in seen.text("#hint")
+    opened(seen, "press_line")
+    seen.until(lambda: "three presses" in str(seen.one("#name").get_attribute("value")))
+
+
+def test_a_second_run_and_another_language_leave_one_row_of_buttons_and_no_english(seen: Seen) -> None:
+    buttons = "return [...document.querySelectorAll('#histogram .tools button')].map(e => e.textContent)"
+    seen.put("#duration", 2)
+    for _ in range(2):
+        seen.js("document.getElementById('run-said').dataset.event = ''")
+        seen.click("#run")
+        seen.until(lambda: event(seen) == "finished")
+    assert len(seen.js(buttons)) == len(set(seen.js(buttons)))
+    seen.click("button[data-lang=zh]")
+    seen.until(lambda: "完成" in seen.text("#run-said"))
+    assert "放大" in seen.js(buttons)
+    assert "Zoom in" not in seen.js(buttons)
+    for part in ("#run-verdict", "#histogram .legend", "#worst .legend"):
+        assert "link scan" not in seen.text(part)
+        assert "frame" not in seen.text(part)
+
+
+def test_what_a_page_keeps_when_bussim_is_gone_is_named(window: Any, tmp_path: Path) -> None:
+    with server(tmp_path, "--lang", "en") as (process, address):
+        seen = Seen(window, address)
+        seen.load()
+        process.terminate()
+        process.wait(20)
+        seen.put("#retries", 9)
+        seen.put("#timeout", 7)
+        seen.until(lambda: "Retries: 9, Timeout: 7" in seen.text("#gone"))
