@@ -140,6 +140,16 @@ def test_what_is_no_form_is_refused(page: Page, form: dict[str, Any]) -> None:
 
 
 @pytest.mark.slow
+def test_a_line_that_has_nothing_to_size_is_no_mistake_of_the_goals(page: Page) -> None:
+    goals = ["errors<=1/y", "ride>=100ms"]  # as the page begins
+    found = page.ask("size", **opened(page, "barcode_reader"), goals=goals)
+    assert (found["sizing"], found["ports"]) == (None, {})
+    line = opened(page, "unplugged_thermostat")
+    assert page.ask("size", **line, goals=goals)["ports"]
+    assert page.refused("size", **line, goals=["errors<=-1/y"])[1]["key"] == "goal"
+
+
+@pytest.mark.slow
 def test_goals_are_those_of_size(page: Page, capsys: pytest.CaptureFixture[str]) -> None:
     line = opened(page, "electrical_noise")
     found = page.ask("size", **line, goals=["errors<=1/d", "dead<=200ms", "heartbeat=2s"])
