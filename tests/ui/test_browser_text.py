@@ -96,13 +96,27 @@ def test_a_second_run_and_another_language_leave_one_row_of_buttons_and_no_engli
         seen.click("#run")
         seen.until(lambda: event(seen) == "finished")
     assert len(seen.js(buttons)) == len(set(seen.js(buttons)))
+    seen.put("#duration", 1_000_000)
+    seen.click("#run")
+    seen.until(lambda: event(seen) == "progress")
+    seen.click("#stop")
+    seen.until(lambda: event(seen) == "stopped")
     seen.click("button[data-lang=zh]")
-    seen.until(lambda: "完成" in seen.text("#run-said"))
+    seen.until(lambda: "扫描" in seen.text("#run-verdict"))
+    assert event(seen) == "stopped"  # the last one that was finished is told anew, but this one was stopped
     assert "放大" in seen.js(buttons)
     assert "Zoom in" not in seen.js(buttons)
     for part in ("#run-verdict", "#histogram .legend", "#worst .legend"):
         assert "link scan" not in seen.text(part)
         assert "frame" not in seen.text(part)
+
+
+def test_a_line_without_a_link_shows_nothing_of_the_last_one(seen: Seen) -> None:
+    opened(seen, "barcode_reader")
+    seen.until(lambda: "no N:N link" in seen.text("#also"))
+    seen.settle()
+    for part in ("#tiles", "#verdict", "#recommended", "#trade", "#costs", "#assumed", "#curve", "#gaps"):
+        assert not seen.one(part).is_displayed()
 
 
 def test_what_a_page_keeps_when_bussim_is_gone_is_named(window: Any, tmp_path: Path) -> None:

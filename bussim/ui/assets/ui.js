@@ -415,6 +415,7 @@
   const showLaw = () => {
     const valid = law.figures?.valid === true;
     for (const id of ["tiles", "curve", "comparing"]) get(id).hidden = !valid;
+    get("gaps").hidden = !law.figures;
     get("reasons").hidden = !law.figures || (valid && !line.without);
     get("reasons").firstElementChild.hidden = valid;
     get("reasons-list").replaceChildren(...(law.figures?.reasons ?? []).map((text) => node("li", {}, text)));
@@ -447,7 +448,8 @@
   };
   const showSize = () => {
     const sizing = sized.sizing;
-    for (const id of ["trade", "recommended"]) get(id).hidden = !sizing?.valid;
+    for (const id of ["trade", "recommended", "costs"]) get(id).hidden = !sizing?.valid;
+    get("assumed").hidden = !sizing?.assumptions.length;
     get("verdict").hidden = !sizing;
     if (sizing) {
       if (sizing.valid) verdict();
@@ -476,7 +478,6 @@
         return shown;
       }));
       list("assumptions", sizing.assumptions.map((each) => each.text ?? each.in_words ?? `${each.assumption ?? each.name}`));
-      get("assumed").hidden = !sizing.assumptions.length;
     }
     const ports = Object.entries(sized.ports ?? {});
     get("ports").hidden = !ports.length;
@@ -777,7 +778,9 @@
     refresh();
     if (!run) return;
     const found = await ask("run/said", { id: run.id, lang }).catch(() => null);
-    if (found && run?.id === found.id) event(found);
+    if (!found || run?.id !== found.id) return;
+    run = found;
+    if (get("run-said").dataset.event === "finished") event(found); else shownRun();
   });
   get("controls").addEventListener("submit", (event_) => event_.preventDefault());
   const begin = async () => {
