@@ -37,8 +37,8 @@ from bussim.ui.workspace import Workspace
 from bussim.version import __version__
 from bussim.words.language import shown, use_language
 
-#: Reports and sizing pages that wait to be fetched.
-_WAITING = 8
+#: Reports and sizing pages that can be fetched, and loaded anew: the last ones.
+_KEPT = 8
 #: Where runs are written, in the workspace.
 _RUNS = "runs"
 
@@ -88,7 +88,7 @@ class Service:
     end: Callable[[], None]
     running: dict[str, StartedRun] = field(default_factory=dict)
     _runs: dict[str, tuple[Path, Scenario]] = field(default_factory=dict)
-    _waiting: dict[str, str] = field(default_factory=dict)
+    _made_pages: dict[str, str] = field(default_factory=dict)
     _beginning: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(1))
 
     def application(self, port: int, token: str) -> Guard:
@@ -131,8 +131,8 @@ class Service:
         )
 
     async def _made(self, request: Request) -> Response:
-        """A page made for printing, once: only who asked for it knows its address. Its policy is its own."""
-        text = self._waiting.pop(request.path_params["key"], None)
+        """A page made for printing: only who asked for it knows its address. Its policy is its own."""
+        text = self._made_pages.get(request.path_params["key"])
         if text is None:
             return await _not_found(request, KeyError())
         policy = "frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
@@ -181,10 +181,10 @@ class Service:
                 text = made.read_text(encoding="utf-8")
         else:
             raise Refusal(400, "unknown_id", "no such run was finished")
-        while len(self._waiting) >= _WAITING:
-            del self._waiting[next(iter(self._waiting))]
+        while len(self._made_pages) >= _KEPT:
+            del self._made_pages[next(iter(self._made_pages))]
         key = secrets.token_urlsafe(32)
-        self._waiting[key] = text
+        self._made_pages[key] = text
         return {"url": f"/made/{key}"}
 
     def _end(self, _: _Empty) -> dict[str, Any]:

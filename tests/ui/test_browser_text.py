@@ -111,6 +111,25 @@ def test_a_second_run_and_another_language_leave_one_row_of_buttons_and_no_engli
         assert "frame" not in seen.text(part)
 
 
+def test_an_empty_box_of_a_goal_shows_what_it_stands_for(seen: Seen) -> None:
+    seen.put("#goal-errors", "")
+    seen.put("#goal-ride", "")
+    seen.settle()
+    assert "at most 1 a year" in seen.text("#verdict")
+    found = seen.js("return [...document.querySelectorAll('#goals-part input')].map(e => e.placeholder)")
+    assert found == ["1", "100", "", ""]
+
+
+def test_scans_of_single_stations_are_taken_back(seen: Seen) -> None:
+    seen.put("[data-scan=slave1][data-part=mean]", "12.5")
+    seen.settle()
+    assert seen.line()["form"] == {"scans": {"slave1": {"mean": 12.5, "jitter": 0}}}
+    assert seen.one("[data-reset=scan]").is_displayed()
+    seen.click("[data-reset=scan]")
+    seen.settle()
+    assert seen.line()["form"] == {}
+
+
 def test_a_line_without_a_link_shows_nothing_of_the_last_one(seen: Seen) -> None:
     opened(seen, "barcode_reader")
     seen.until(lambda: "no N:N link" in seen.text("#also"))

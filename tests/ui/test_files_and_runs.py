@@ -113,6 +113,9 @@ def test_a_simulation_tells_its_progress_and_what_came_out(page: Page, tmp_path:
     report = page.client.get(url)
     assert "<h1>" in report.text
     assert "sha256-" in report.text
+    assert page.client.get(url).text == report.text  # loaded anew
+    for _ in range(8):  # of these so many are kept
+        page.ask("report", text=EXAMPLE)
     assert page.client.get(url).status_code == 404
 
 

@@ -240,7 +240,7 @@
     }
     get("mode-shown").textContent = word("mode_carries", Object.values(limits.profiles).map(({ modes }) => modes[value("mode")]).find(Boolean) ?? {});
     for (const button of document.querySelectorAll("[data-reset]")) {
-      button.hidden = !(button.dataset.reset in line.form);
+      button.hidden = !(button.dataset.reset in line.form || (button.dataset.reset === "scan" && "scans" in line.form));
       attribute(button, "aria-label", word("reset", { field: word(button.dataset.reset) }));
     }
     showNoise();
@@ -375,7 +375,7 @@
   const own = () => sized?.rows?.at(-1);
   const noiseUnknown = () => law?.fan?.length > 0;
   const figures = () => {
-    const f = law.figures, here = own(), judged = here ?? f, goal = Number(get("goal-errors").value) || Infinity;
+    const f = law.figures, here = own(), judged = here ?? f, goal = Number(get("goal-errors").value) || 1;
     return {
       mean: [time(f.mean_ms), noiseUnknown() ? word("no_noise") : ""],
       longest: [time(f.worst_case_ms), ""],
