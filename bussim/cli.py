@@ -135,7 +135,9 @@ def _main(arguments: Sequence[str] | None) -> int:
         _say("\n".join(str(shown(problem)) for problem in error.problems))
         return BAD_INPUT
     except UsageError as error:
-        _say(f"Error: {error}")
+        from bussim.words.language import said_text
+
+        _say(said_text("run_error", text=error.args[0]))
         return BAD_INPUT
     except RunError as error:
         _say(f"Error: {error}")

@@ -157,7 +157,7 @@ def _check(
     labels = set(source_map.labels.values())
     for problem in report.unknown:
         if problem.file in labels:  # the request is wrong, not the file
-            raise UsageError(str(problem))
+            raise UsageError(say("edit_problem", label=problem.file, what=problem.message))
     if report.errors:
         # A warning beside a mistake may be no more than its consequence.
         return Examined(None, tuple(sorted(report.errors)), ())

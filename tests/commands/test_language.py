@@ -14,15 +14,14 @@ from bussim.scenario import builtin
 _NAMES = (
     r"D\d+|M\d+|K\d+|LD|MOV|END|STOP|RUN|ON|OFF|PLC|HMI|CPAVL|RS2|COM\d|CRC|LRC|ms|bps|y|x|N:N|Modbus|modbus-\w+|free|"
     r"pymodbus|ModbusSerialClient|port|baudrate|bytesize|parity|stopbits|timeout|retries|retries\+1|framer|FramerType\.ASCII|"
-    r"quiet|typical|bad|attempts|absent_station|full|probe|skip_after_failure|--json|--ignore-faults|cable_cut|bussim|summary|json|7xyy|yy"
+    r"quiet|typical|bad|attempts|absent_station|full|probe|skip_after_failure|--json|--ignore-faults|cable_cut|bussim|summary|json|yaml|UTF|7xyy|yy"
 )
 
 
 def english(text: str, scenario: str) -> set[str]:
-    """Words of a text that are neither names of the scenario nor of :data:`_NAMES`; warnings are English."""
-    lines = "\n".join(line for line in text.splitlines() if not line.startswith("警告"))
+    """Words of a text that are neither names of the scenario nor of :data:`_NAMES`."""
     own = {*re.findall("[A-Za-z]+", scenario)}
-    found = re.findall("[A-Za-z]{3,}", re.sub(rf"(?a:(?<!\w)(?:{_NAMES})(?!\w))", "", lines))
+    found = re.findall("[A-Za-z]{3,}", re.sub(rf"(?a:(?<!\w)(?:{_NAMES})(?!\w))", "", text))
     return {word for word in found if word not in own}
 
 
@@ -40,6 +39,8 @@ def english(text: str, scenario: str) -> set[str]:
         ("run", "two_masters"),
         ("run", "barcode_reader"),
         ("run", "feeder_off"),
+        ("check", "two_masters"),
+        ("check", "setting_programs"),
     ],
 )
 def test_no_english_word_is_left_but_names(
@@ -79,3 +80,12 @@ def test_the_files_of_a_run_are_the_same_in_each_language(tmp_path: Path) -> Non
     assert names == sorted(path.name for path in (tmp_path / "zh").iterdir())
     for name in names:
         assert (tmp_path / "en" / name).read_bytes() == (tmp_path / "zh" / name).read_bytes(), name
+
+
+def test_an_option_that_names_no_key_is_said_in_chinese(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["size", "press_line", "--lang", "zh", "--set", "sede=1"]) == 2
+    assert "错误：--set sede=1：sede：这里没有这个键" in capsys.readouterr().err
+    assert main(["size", "press_line", "--lang", "zh", "--set", "seed=x"]) == 2
+    assert "seed：是 'x'，应为整数" in capsys.readouterr().err
+    assert main(["size", "press_line", "--set", "seed=x", "--lang", "en"]) == 2
+    assert "seed is 'x', expected a whole number" in capsys.readouterr().err
