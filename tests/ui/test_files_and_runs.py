@@ -162,7 +162,7 @@ def test_the_printed_page_is_that_of_size(page: Page, lang: str) -> None:
     url = page.ask("report", text=EXAMPLE, lang=lang, goals=["errors<=2/y"])["url"]
     text = page.client.get(url).text
     assert f'<html lang="{"en" if lang == "en" else "zh-Hans"}">' in text
-    assert "errors\\u003c=2/y" in text
+    assert "false station errors: at most 2 a year" in text
 
 
 @pytest.mark.slow
