@@ -71,19 +71,17 @@ class Desk:
     def check(self, asked: Asked) -> dict[str, Any]:
         """The text with the form's changes, the form's values of it, and its warnings with their places."""
         line = self.line(asked)
-        warnings = [
-            {"line": each.line, "column": each.column, "message": each.message} for each in line.warnings
-        ]
-        return {"text": line.text, "form": values_of(line), "warnings": warnings, "n": asked.n}
+        return {"text": line.text, "form": values_of(line), "warnings": _warnings(line), "n": asked.n}
 
     def law(self, asked: Asked) -> dict[str, Any]:
         """Figures of the link as ``bussim exact --json`` has them, and points of the distribution.
 
-        Where the noise is not known, the fan has the distribution at each of its assumed levels.
+        With the warnings of the text. Where the noise is not known, the fan has the distribution at each of its assumed levels.
         """
         line = self.line(asked)
         found = exact(line.scenario, refresh=False, ignore_faults=asked.without_faults)
         answer: dict[str, Any] = {"n": asked.n, "form": values_of(line), "figures": None}
+        answer["warnings"] = _warnings(line)
         if line.bus in found.links:
             answer["figures"] = found.links[line.bus].to_json()
             answer["law"] = _short(found.law_points(line.bus, points=_POINTS))
@@ -150,6 +148,11 @@ class Desk:
         """The sizing page of a line, which opens with the setting that is recommended."""
         line = self.line(asked)
         return sizing_page(line.scenario.name, page_items(self.sized(asked, line)), asked.lang)
+
+
+def _warnings(line: Line) -> list[dict[str, Any]]:
+    parts = ("file", "line", "column", "message")
+    return [{part: getattr(each, part) for part in parts} for each in line.warnings]
 
 
 def _short(law: LawPoints) -> LawPoints:

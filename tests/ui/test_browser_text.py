@@ -147,3 +147,28 @@ def test_what_a_page_keeps_when_bussim_is_gone_is_named(window: Any, tmp_path: P
         seen.put("#retries", 9)
         seen.put("#timeout", 7)
         seen.until(lambda: "Retries: 9, Timeout: 7" in seen.text("#gone"))
+
+
+def test_warnings_and_mistakes_are_said_at_their_places(seen: Seen, tmp_path: Path) -> None:
+    text = EXAMPLE + "faults:\n  - {at: 20 s, for: 5 s, power_off: slave3}\n"
+    (tmp_path / "warned.yaml").write_text(text, "utf-8")
+    opened(seen, "warned.yaml")
+    seen.until(lambda: "faults: 1" in seen.text("#also"))
+    assert not seen.text("#warnings")
+    seen.put("#stations", 3)
+    seen.until(lambda: "it is never polled" in seen.text("#warnings"))
+    seen.settle()
+    seen.click("#warnings .jump")
+    seen.until(lambda: seen.js("return document.activeElement.id") == "yaml")
+    seen.put("#duration", 1)
+    seen.click("#run")
+    seen.until(lambda: event(seen) == "finished")
+    assert "begins at 20 s, after the end of the run" in seen.text("#run-verdict")
+    own = EXAMPLE.replace("  - name: master\n", "  - name: master\n    inputs: {X0: {csv: own.csv}}\n")
+    (tmp_path / "own.csv").write_text("time,value\nx,1\n", "utf-8")
+    (tmp_path / "beside.yaml").write_text(own, "utf-8")
+    seen.click("[data-reset=stations]")
+    seen.settle()
+    opened(seen, "beside.yaml")
+    seen.until(lambda: "own.csv, line 2, column 1: is 'x'" in seen.text("#problems"))
+    assert not seen.window.find_elements("css selector", "#problems .jump")  # it is no place in this text

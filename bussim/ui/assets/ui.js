@@ -128,6 +128,16 @@
     get("working").hidden = true;
     if (!bad && (law?.n !== n || sized?.n !== n)) slow = setTimeout(() => { get("working").hidden = false; }, 1000);
   };
+  // A place in the text is gone to by a click; one in a file beside it is named.
+  const placed = (each) => {
+    const item = node("li");
+    if (each.line && each.file === question().name) {
+      const jump = node("button", { type: "button", class: "jump" }, word("at_line", each));
+      jump.addEventListener("click", () => jumpTo(each));
+      item.append(jump);
+    } else item.textContent = each.line ? word("in_file", each) : each.message;
+    return item;
+  };
   const problems = (error) => {
     const all = error?.values?.problems ?? (error ? [{ field: error.values?.field?.split(".").pop() ?? "", message: said(error) }] : []);
     for (const each of all) if (!each.line || each.field in line.form) { // a number box that is out of its range
@@ -148,15 +158,7 @@
     get("name-bad").hidden = !name;
     get("name-bad").textContent = name?.message ?? "";
     get("problems").hidden = !found.length;
-    get("problems").replaceChildren(...(found.length ? [node("li", {}, word("mistakes"))] : []), ...found.map((each) => {
-      const item = node("li");
-      if (each.line) {
-        const jump = node("button", { type: "button", class: "jump" }, word("at_line", each));
-        jump.addEventListener("click", () => jumpTo(each));
-        item.append(jump);
-      } else item.textContent = each.message;
-      return item;
-    }));
+    get("problems").replaceChildren(...(found.length ? [node("li", {}, word("mistakes"))] : []), ...found.map(placed));
     busy();
   };
   // ---- the text: the form's changes are in it while nobody types there ----
@@ -416,6 +418,7 @@
     const valid = law.figures?.valid === true;
     for (const id of ["tiles", "curve", "comparing"]) get(id).hidden = !valid;
     get("gaps").hidden = !law.figures;
+    get("warnings").replaceChildren(...law.warnings.map(placed));
     get("reasons").hidden = !law.figures || (valid && !line.without);
     get("reasons").firstElementChild.hidden = valid;
     get("reasons-list").replaceChildren(...(law.figures?.reasons ?? []).map((text) => node("li", {}, text)));
@@ -634,7 +637,7 @@
   const shownRun = () => {
     const bus = checked?.bus ?? "", times = run.histograms[bus], scene = run.worst[bus], link = run.links[bus];
     get("ran").hidden = false;
-    list("run-verdict", [...run.verdict,
+    list("run-verdict", [...run.verdict, ...run.warnings.filter((text) => !law?.warnings.some(({ message }) => message === text)),
       ...(link && run.means[bus] && link.scan_time_ms.mean !== null ? [word("means", { simulated: `${number(link.scan_time_ms.mean)} ms`, exact: `${number(run.means[bus])} ms` })] : [])]);
     get("histogram").hidden = !times;
     get("worst").hidden = !scene;
