@@ -76,7 +76,8 @@ class Desk:
     def law(self, asked: Asked) -> dict[str, Any]:
         """Figures of the link as ``bussim exact --json`` has them, and points of the distribution.
 
-        With the warnings of the text. Where the noise is not known, the fan has the distribution at each of its assumed levels.
+        With the warnings of the text. Where the noise is not known, the fan has the distribution at each of
+        its assumed levels.
         """
         line = self.line(asked)
         found = exact(line.scenario, refresh=False, ignore_faults=asked.without_faults)
