@@ -21,7 +21,7 @@ from bussim.sim.nn.bus import LinkBus
 from bussim.sim.runner import Simulation
 from bussim.sim.serial.bus import SerialBus
 from tests.selection import quick
-from tests.sim import ladders
+from tests.sim import chance, ladders
 from tests.sim.build import SECOND, Done, run
 
 
@@ -55,6 +55,11 @@ def compare(scenario: model.Scenario, *, traced: bool) -> None:
     with one_by_one():
         wanted = left(run(scenario, traced=traced))
     assert {key: value for key, value in found.items() if value != wanted[key]} == {}
+
+
+def test_masters_that_wait_for_silence_from_one_tick_on_go_in_turn() -> None:
+    """Two masters of one number, of which one hears a damaged frame: their next requests begin at one tick."""
+    compare(chance.scenario(100164, 0.5), traced=True)
 
 
 @pytest.mark.parametrize("seed", quick(12, range(300)))

@@ -101,7 +101,8 @@ class LinkBus(Line):
         super()._deliver_by_character(tx, ports, now)
         receivers = [self.ports[port.position].receiver for port in ports]
         if ahead and receivers and all(each.reads_as(receivers[0]) for each in receivers):
-            coming, reader = receivers[0].coming(until), FrameReader()
+            # The last one is received in its time, so that what waits for silence from then on waits in turn.
+            coming, reader = receivers[0].coming(until)[:-1], FrameReader()
             if taken := reader.take((char.start, char[3:]) for char in coming):
                 for port, receiver in zip(ports, receivers, strict=True):
                     hints = port.engine.follow(reader)
