@@ -17,6 +17,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import re
 import resource
 import statistics
 import subprocess
@@ -183,8 +184,16 @@ def child(mark: str, seconds: int) -> None:
     run = Run(mark, Path())
     run.go(seconds)
     run.simulation.totals()
+    print(time.process_time(), largest_memory())
+
+
+def largest_memory() -> float:
+    """This process's largest memory so far, in MB."""
+    status = Path("/proc/self/status")
+    if status.exists():  # on Linux ru_maxrss is at least what the process had that started this one
+        return int(re.search(r"VmHWM:\s*(\d+) kB", status.read_text()).group(1)) / 1024  # type: ignore[union-attr]
     largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    print(time.process_time(), largest / (1024 * 1024 if sys.platform == "darwin" else 1024))
+    return largest / (1024 * 1024 if sys.platform == "darwin" else 1024)
 
 
 def process(mark: str, seconds: int) -> tuple[float, float]:
@@ -199,17 +208,10 @@ def whole_processes() -> dict[str, float]:
     found = {"bare Python (s)": processor_time("-c", "pass")}
     with tempfile.TemporaryDirectory() as folder:
         for name, more in (("", ()), (" --no-plots", ("--no-plots",))):
-            command = (
-                "-m",
-                "bussim",
-                "run",
-                "press_line",
-                "--duration",
-                "1s",
-                "--force",
-                "--out",
+            command = [
+                *["-m", "bussim", "run", "press_line", "--duration", "1s", "--force", "--out"],
                 f"{folder}/a",
-            )
+            ]
             over = statistics.median(processor_time(*command, *more) for _ in range(3))
             found[f"bussim run of one second{name}, over bare Python (s)"] = over - found["bare Python (s)"]
         path = Path(folder) / "w.yaml"
@@ -217,17 +219,9 @@ def whole_processes() -> dict[str, float]:
         for workers in (1, 2):
             begun = time.monotonic()
             command = (
-                "-m",
-                "bussim",
-                "sweep",
-                str(path),
-                "--vary",
-                "seed=1..1000",
-                "--duration",
-                "5s",
-                "--workers",
+                f"-m bussim sweep {path} --vary seed=1:1000:1 --duration 5s --workers {workers} --out".split()
             )
-            processor_time(*command, str(workers), "--out", f"{folder}/s{workers}")
+            processor_time(*command, f"{folder}/s{workers}")
             found[f"sweep of 1,000 runs of 5 s, {workers} workers (s, by the clock)"] = (
                 time.monotonic() - begun
             )
