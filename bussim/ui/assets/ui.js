@@ -110,9 +110,9 @@
   let later = 0, calm = 0, slow = 0;
   const refresh = () => {
     n += 1;
+    lanes.law.ask(question()); // first, so that it is answered while the rest is done
     keepInTab();
     busy();
-    lanes.law.ask(question());
     clearTimeout(later);
     clearTimeout(calm);
     later = setTimeout(() => lanes.size.ask({ ...question(), goals: goals() }), 40);
