@@ -136,6 +136,11 @@ def test_mistakes_are_jumped_to_mended_and_saved_and_only_they_differ(seen: Seen
     assert "retries: 9, timeout: 70 ms" in (tmp_path / "other.yaml").read_text("utf-8")
 
 
+def test_the_mean_of_a_known_noise_is_one_figure(seen: Seen) -> None:
+    """Sizing has the worst mean of several views of the noise; the sentence has the tile's."""
+    assert f"instead of {seen.figures()['mean']}; false station errors" in seen.text("#verdict")
+
+
 def test_a_value_out_of_range_leaves_the_last_valid_figures_marked(seen: Seen) -> None:
     before = seen.figures()
     seen.put("#timeout-box", "1")

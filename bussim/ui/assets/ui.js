@@ -442,8 +442,8 @@
     if (best) parts.push(here && best.D8179 === here.D8179 && best.D8180 === here.D8180 ? word("best") : word("other", { setting: setting(best) }));
     else parts.push(word("none"));
     if (law?.figures?.valid && law.n === sized.n) {
-      const shown = figures();
-      parts.push(word(here && noiseUnknown() ? "cost_at_bad" : "link.cost", { mean: here ? time(here.mean_ms) : shown.mean[0], dead: shown.dead[0], errors: shown.errors[0] }));
+      const shown = figures(), atBad = here && noiseUnknown(); // else the tile's mean: sizing's is the worst of several views of the noise
+      parts.push(word(atBad ? "cost_at_bad" : "link.cost", { mean: atBad ? time(here.mean_ms) : shown.mean[0], dead: shown.dead[0], errors: shown.errors[0] }));
     }
     if (checked?.off?.length) parts.push(word("off_said", { names: checked.off.join(word("comma")) }));
     said_.textContent = parts.join(word("space"));
