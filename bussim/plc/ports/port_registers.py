@@ -162,7 +162,7 @@ class PortRegisters:
 
     @property
     def writes(self) -> set[Device] | None:
-        """The devices that it may write; None where that is not known."""
+        """The devices that it may write; None where that is not known, or where polls read over its bits."""
         if self.engine is None:
             return set()
         if self.reads_devices:
@@ -170,7 +170,7 @@ class PortRegisters:
         letter, first = self._devices[1]
         bits = {Device(letter, first + number) for number in range(BITS)}
         read = [taken(poll.device, poll.function, poll.count) for poll in self._polls if poll.device]
-        return bits.union(*read)
+        return bits.union(*read) if bits.isdisjoint(device for each in read for device in each) else None
 
     @property
     def polling(self) -> MasterSide | None:

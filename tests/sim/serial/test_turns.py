@@ -167,3 +167,11 @@ def test_who_waits_longer_for_silence_hears_what_it_would(gap: Fraction) -> None
 def test_replies_that_wait_for_end_follow_its_ports() -> None:
     text = TEXTS["four ports"].replace("profile: pw10", "profile: {base: pw10, reply: end}")
     compare_in_slices(replace(loads(text), duration=8 * SECOND), [410 * MS])
+
+
+def test_a_poll_may_read_over_the_bits_of_its_port() -> None:
+    text, _ = WAITING.split("  - {name: one")
+    text = text.replace("station: 2", "station: 1").replace("count: 2, to: D400", "count: 8, to: M2920")
+    text = text.replace("function: 3, address: 0, count: 8", "function: 1, address: 0, count: 8")
+    items = "coils: [{address: 0, count: 8, value: 1}], registers: [{address: 0, count: 2}]"
+    compare(loads(f"{text}  - {{name: one, model: map, bus: bus, station: 1, {items}}}\n"), traced=False)
