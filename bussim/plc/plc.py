@@ -118,7 +118,7 @@ class Plc:
         #: Whether received blocks may change what ENDs do, which may be left out if they do not.
         self.reads_blocks = False
         self._rests_until = -1  # before this tick no END changes anything; -1: the next one may
-        #: Whether its ports write to no block of the link, source or special device, nor polls over their bits.
+        #: Whether its ports write to no block, source or special device, nor polls over bits of their port.
         self.ports_apart = False
         #: Called with the tick when an END has come to matter that did not.
         self.on_wake: Callable[[int], None] | None = None
