@@ -84,7 +84,10 @@ def test_a_page_outlives_its_file(seen: Seen, tmp_path: Path) -> None:
     seen.load(fresh=False)
     seen.until(lambda: "line.yaml cannot be read" in seen.text("#open-bad"))
     assert "This is an example" in seen.text("#hint")
+    seen.put("#yaml", area(seen) + "# typed")
+    seen.js("window.confirm = (text) => { window.asked = text; return true; }")
     opened(seen, "press_line")
+    assert "not saved are lost" in seen.js("return window.asked ?? ''")
     seen.until(lambda: "three presses" in str(seen.one("#name").get_attribute("value")))
 
 

@@ -710,7 +710,7 @@
     refresh();
   };
   const cannotOpen = (error) => { get("open-bad").hidden = false; get("open-bad").textContent = said(error); };
-  const mayLeave = (key = "discard") => !dirty() || line.example || confirm(word(key));
+  const mayLeave = (key = "discard") => !dirty() || confirm(word(key));
   const entries = (rows) => {
     get("entries").replaceChildren(...rows.map((each) => {
       const item = node("li"), button = node("button", { type: "button", "data-entry": each.name }, each.name);
