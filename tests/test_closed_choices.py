@@ -39,7 +39,7 @@ ALIKE = {
     "results.store.rows.FORMS": "the others are in no table, only in a trace",
     "sim.faults.FaultPlan._begin": "the others go on to the match below, which names them",
     "sim.serial.node.SerialNode.report": "all go on to handle_event; two are noted on their way",
-    "trace.codec._VARYING": "lines of the others are rare, and encoded each",
+    "trace.codec.LineTexts.of": "lines of the others are rare, and encoded each",
     "trace.file._concerns": "mypy refuses a record that has no bus",
 }
 

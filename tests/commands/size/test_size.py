@@ -334,8 +334,10 @@ def test_where_nearly_every_scan_has_an_error_no_figure_a_year_is_given() -> Non
 @pytest.mark.slow
 def test_a_heartbeat_that_is_advised_is_the_least_that_all_goals_allow(packing: str) -> None:
     found = sized(packing, *goals("heartbeat=100ms@1/y"))
-    (change,) = [text for text in found["unmet"][0]["helps"] if text.startswith("heartbeat=")]  # type: ignore[index]
-    preset = int(change.removeprefix("heartbeat=").split("ms")[0])
+    helps = "\n".join(found["unmet"][0]["helps"])  # type: ignore[index]
+    (preset,) = map(
+        int, re.findall(r"^a heartbeat of (\d+) ms missed at most once a year", helps, re.MULTILINE)
+    )
     assert preset % 10 == 0
     assert sized(packing, *goals(f"heartbeat={preset - 10}ms@1/y"))["recommended"] is None
 
