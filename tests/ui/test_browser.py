@@ -14,14 +14,10 @@ import pytest
 
 import bussim
 from bussim.scenario import builtin
-from tests.report.browser import chromium
 from tests.ui.asking import EXAMPLE, Page
-from tests.ui.window import Seen, server
+from tests.ui.window import IN_A_BROWSER, Seen, server
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"),
-]
+pytestmark = IN_A_BROWSER
 #: What stays Latin on a Chinese page: registers, names, units, codes and goals.
 LATIN = re.compile(
     r"[DMK]\d+|N:N|MOV|LD\b|Modbus|bussim|uPlot|YAML|English|PLC|END\b|STOP|RUN|absent_station|full|probe|\bbad\b|typical|quiet|attempts|"
@@ -37,12 +33,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     found = tmp_path_factory.mktemp("workspace")
     shutil.copy(builtin.folder() / "electrical_noise.yaml", found / "noise.yaml")
     return found
-
-
-@pytest.fixture(scope="module")
-def window() -> Iterator[Any]:
-    with chromium() as found:
-        yield found
 
 
 @pytest.fixture(scope="module")
@@ -239,13 +229,7 @@ def test_it_fits_is_named_and_loads_nothing_from_elsewhere(
     seen = Seen(window, address)
     window.get_log("browser")
     seen.load(width=width)
-    if not seen.js("return document.getElementById('menu').open"):
-        seen.one("#menu summary").click()
-    seen.one(f"button[data-lang={lang}]").click()
-    seen.settle()
-    seen.js("document.querySelectorAll('main details').forEach(e => e.open = true)")
-    seen.click("[name=noise][value=counters]")
-    seen.until(lambda: seen.js("return document.querySelectorAll('#gap-table td').length"))
+    seen.unfold(lang)
     assert seen.js("return document.documentElement.scrollWidth <= innerWidth")
     unnamed = """return [...document.querySelectorAll('input, select, textarea, button')].filter(e => e.offsetParent
       && !(e.labels?.[0]?.textContent.trim() || e.getAttribute('aria-label') || e.textContent.trim()

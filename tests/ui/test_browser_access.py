@@ -10,19 +10,10 @@ from typing import Any
 import pytest
 
 from bussim.version import __version__
-from tests.report.browser import broken_rules, chromium, printed
-from tests.ui.window import Seen, server
+from tests.report.browser import broken_rules, printed
+from tests.ui.window import IN_A_BROWSER, Seen, server
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"),
-]
-
-
-@pytest.fixture(scope="module")
-def window() -> Iterator[Any]:
-    with chromium() as found:
-        yield found
+pytestmark = IN_A_BROWSER
 
 
 @pytest.fixture
@@ -41,13 +32,7 @@ def prefer(window: Any, **features: str) -> None:
 
 def show_all(seen: Seen, width: int, lang: str) -> None:
     seen.load(width=width)
-    if not seen.js("return document.getElementById('menu').open"):
-        seen.one("#menu summary").click()
-    seen.one(f"button[data-lang={lang}]").click()
-    seen.settle()
-    seen.js("document.querySelectorAll('main details').forEach(e => e.open = true)")
-    seen.click("[name=noise][value=counters]")
-    seen.until(lambda: seen.js("return document.querySelectorAll('#gap-table td').length"))
+    seen.unfold(lang)
     seen.settle()
 
 

@@ -14,19 +14,9 @@ from typing import Any
 import pytest
 
 from bussim.scenario import builtin
-from tests.report.browser import chromium
-from tests.ui.window import Seen, server
+from tests.ui.window import IN_A_BROWSER, Seen, event, opened, server
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"),
-]
-
-
-@pytest.fixture(scope="module")
-def window() -> Iterator[Any]:
-    with chromium() as found:
-        yield found
+pytestmark = IN_A_BROWSER
 
 
 @pytest.fixture
@@ -37,10 +27,6 @@ def seen(window: Any, tmp_path: Path) -> Iterator[Seen]:
         found.process = process  # type: ignore[attr-defined]
         found.load()
         yield found
-
-
-def event(seen: Seen) -> str:
-    return str(seen.one("#run-said").get_attribute("data-event"))
 
 
 def children(process: subprocess.Popen[str]) -> list[int]:
@@ -174,14 +160,6 @@ def test_quit_ends_the_server(seen: Seen) -> None:
         assert time.monotonic() < end
         time.sleep(0.05)
     assert seen.process.returncode == 0  # type: ignore[attr-defined]
-
-
-def opened(seen: Seen, name: str) -> None:
-    if seen.one("#opening").get_attribute("hidden"):
-        seen.click("#open")
-    entry = f"[data-entry='{name}']"
-    seen.until(lambda: seen.js("return document.querySelector(arguments[0])", entry))
-    seen.js("document.querySelector(arguments[0]).click()", entry)
 
 
 def test_a_line_without_a_law_has_what_sizing_knows_beside_its_sliders(seen: Seen) -> None:

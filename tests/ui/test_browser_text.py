@@ -8,21 +8,10 @@ from typing import Any
 
 import pytest
 
-from tests.report.browser import chromium
 from tests.ui.asking import EXAMPLE
-from tests.ui.test_browser_files import event, opened
-from tests.ui.window import Seen, server
+from tests.ui.window import IN_A_BROWSER, Seen, event, opened, server
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"),
-]
-
-
-@pytest.fixture(scope="module")
-def window() -> Iterator[Any]:
-    with chromium() as found:
-        yield found
+pytestmark = IN_A_BROWSER
 
 
 @pytest.fixture

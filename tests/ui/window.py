@@ -10,9 +10,16 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 #: Whether what is shown is of the line as it stands on the page.
 SETTLED = """return document.documentElement.dataset.ready === 'true'
   && ![...document.querySelectorAll('[aria-busy=true]')].some(e => e.offsetParent)"""
+
+IN_A_BROWSER = [
+    pytest.mark.slow,
+    pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"),
+]
 
 
 @contextmanager
@@ -66,6 +73,16 @@ class Seen:
         self.until(lambda: self.js(SETTLED))
         self.window.execute_async_script("requestAnimationFrame(() => requestAnimationFrame(arguments[0]))")
 
+    def unfold(self, lang: str) -> None:
+        """Choose a language, and open every part that the page can fold."""
+        if not self.js("return document.getElementById('menu').open"):
+            self.one("#menu summary").click()
+        self.one(f"button[data-lang={lang}]").click()
+        self.settle()
+        self.js("document.querySelectorAll('main details').forEach(e => e.open = true)")
+        self.click("[name=noise][value=counters]")
+        self.until(lambda: self.js("return document.querySelectorAll('#gap-table td').length"))
+
     def one(self, selector: str) -> Any:
         return self.window.find_element("css selector", selector)
 
@@ -88,3 +105,17 @@ class Seen:
         """The text and the form that the page has."""
         found: dict[str, Any] = self.js("return JSON.parse(sessionStorage.getItem('bussim-line')).line")
         return {"text": found["text"], "form": found["form"]}
+
+
+def event(seen: Seen) -> str:
+    """What became of the simulation last."""
+    return str(seen.one("#run-said").get_attribute("data-event"))
+
+
+def opened(seen: Seen, name: str) -> None:
+    """Open a file of the folder or a built-in scenario."""
+    if seen.one("#opening").get_attribute("hidden"):
+        seen.click("#open")
+    entry = f"[data-entry='{name}']"
+    seen.until(lambda: seen.js("return document.querySelector(arguments[0])", entry))
+    seen.js("document.querySelector(arguments[0]).click()", entry)
