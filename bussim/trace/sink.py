@@ -27,7 +27,7 @@ class Sink(Protocol):
         """Take records, as if each of them came by itself; link scans among them are without errors.
 
         ``breaks`` are the indexes of those before which other records come: these do when, after the
-        records before such an index, the next index is asked for. Whoever keeps records in order does that.
+        records before such an index, the next index is asked for. A sink that keeps records in order asks.
         """
 
     def failed(self, bus: str, tick: int, station: int, code: int, *, garbled: bool = False) -> None:

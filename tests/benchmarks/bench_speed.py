@@ -191,7 +191,7 @@ def largest_memory() -> float:
     """This process's largest memory so far, in MB."""
     status = Path("/proc/self/status")
     if status.exists():  # on Linux ru_maxrss is at least what the process had that started this one
-        return int(re.search(r"VmHWM:\s*(\d+) kB", status.read_text()).group(1)) / 1024  # type: ignore[union-attr]
+        return int(re.findall(r"VmHWM:\s*(\d+) kB", status.read_text())[0]) / 1024
     largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return largest / (1024 * 1024 if sys.platform == "darwin" else 1024)
 

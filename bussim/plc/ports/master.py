@@ -55,6 +55,11 @@ class Times(NamedTuple):
     closing: int  # to the decision
     quiet: int
 
+    @property
+    def responded(self) -> int:
+        """The longest from the request's last stop bit to the decision."""
+        return self.least + self.jitter + self.responding + self.closing
+
 
 class Turn(NamedTuple):
     """A turn with one good transaction, in ticks."""
@@ -137,7 +142,7 @@ class MasterSide(Side):
         polls, turns, cycles = self._list, list[tuple[int, Turn]](), list[CycleEnded]()
         at = taken = now
         poll: PollSpec | None = None
-        longest += load + max(sum(each[:2]) + sum(each[3:6]) for each in times)
+        longest += load + max(each.asking + each.responded for each in times)
         while at + longest < until and len(turns) < _MOST and polls.running is not None:
             index = polls.running
             asking, begun, delays, jitter, responding, closing, quiet = times[index]

@@ -70,7 +70,7 @@ class TurnPath:
             until = min(until, exchange.slave.engine.maps[spec.station].alike_until(now))
             polls.append(_poll(port, side.engine, request, exchange))
         if until <= now or any(
-            sum(poll.times[1:2]) + sum(poll.times[3:6]) >= side.engine.config.timeout
+            poll.times.responded >= side.engine.config.timeout
             or isinstance(_served(poll, spec.station, now), ExceptionResponse)
             for poll, spec in zip(polls, side.polls, strict=True)
         ):
