@@ -20,7 +20,7 @@ from typing import Any, NamedTuple, TypeVar, get_args, get_type_hints
 
 from bussim.line.characters import CharFormat
 from bussim.line.contention import Contention
-from bussim.line.protocols import BusProtocol
+from bussim.line.protocols import FRAME_PROTOCOLS, BusProtocol
 from bussim.line.wave import Pause
 from bussim.trace import records
 from bussim.trace.blocks import Alike, RecordBlock, in_turn
@@ -136,12 +136,19 @@ def _between(low: float, high: float, read: Callable[[Any], Any]) -> Callable[[A
     return bounded
 
 
+def _protocol(value: Any) -> str:
+    if value in FRAME_PROTOCOLS:
+        return str(value)
+    raise ValueError(f"is {_text(value)!r}, not one of {', '.join(FRAME_PROTOCOLS)}")
+
+
 _known_format = cache(CharFormat.parse)
 _instant = _between(0, _LARGEST - 1, _int)
-#: How fields of these names and types are read: how a line is driven, and instants, which are in the run.
+#: How fields of these names and types are read: how a line is driven and by whom, and instants of the run.
 _BY_NAME: dict[tuple[str, Any], Callable[[Any], Any]] = {
     ("baud", int): _between(1, 100_000_000, _int),
     ("format", str): lambda value: str(_known_format(_text(value))),
+    ("protocol", str): _protocol,
     ("ppm", float): _between(-500_000, 500_000, _READERS[float]),
     **{(name, int): _instant for name in ("start", "end", "tick", "sampled")},
     **{(name, int | None): _optional(_instant) for name in ("start", "end")},

@@ -45,6 +45,8 @@ from bussim.trace.records import (
 TRACE = "trace.jsonl"
 #: No line of a trace is longer (characters).
 _LONGEST_LINE = 16 * 1024 * 1024
+#: How lines begin that were not rewritten by another program, which may put blanks and other keys before.
+_TYPE_FIRST = '{"type":"'
 
 _encode = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode
 
@@ -200,15 +202,15 @@ class _File:
         self._buses = {bus.name: bus for bus in self.header.buses}
 
     def records(self, kinds: Collection[type[Record]] | None) -> Iterator[Record]:
-        # The type stands first in a line; lines of other types need not be parsed.
-        starts = None if kinds is None else tuple(f'{{"type":"{type_of(kind)}"' for kind in kinds)
+        # Lines in which the type stands first, as they are written, need not be parsed where it is another.
+        starts = None if kinds is None else tuple(f'{_TYPE_FIRST}{type_of(kind)}"' for kind in kinds)
         number = 1
         with self._open() as file:
             try:
                 _next(file)
                 while text := _next(file):
                     number += 1
-                    if starts is not None and not text.startswith(starts):
+                    if starts is not None and text.startswith(_TYPE_FIRST) and not text.startswith(starts):
                         continue
                     if not text.endswith("\n") and not _is_whole(text):
                         return
@@ -222,9 +224,11 @@ class _File:
 
     def _record(self, text: str, kinds: Collection[type[Record]] | None) -> Record | None:
         record = from_line(_parsed(text), self._buses)
-        if kinds is not None and type(record) not in kinds:
+        if kinds is None or type(record) in kinds:
+            return record
+        if text.startswith(_TYPE_FIRST):
             raise ValueError("'type' is given twice")
-        return record
+        return None
 
     def lacks_its_end(self) -> bool:
         """Whether the last line, in which every trace ends, has no end."""
@@ -252,7 +256,7 @@ def _parsed(text: str) -> Line:
     except RecursionError:
         line = None
     except ValueError as error:
-        raise ValueError(f"is not JSON: {error}") from None
+        raise ValueError(f"is not JSON, of which a trace has one object a line: {error}") from None
     if isinstance(line, dict):
         return line
     raise ValueError("is not a JSON object")

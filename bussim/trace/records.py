@@ -56,7 +56,7 @@ class FrameRecord(NamedTuple):
     damaged_at: dict[str, tuple[int, ...]]  # bits inverted in one receiver only, by station name
     collided: bool
     cut: bool
-    protocol: str = "nn"  # "nn", "modbus-rtu", "modbus-ascii" or "free"
+    protocol: str = "nn"  # one of FRAME_PROTOCOLS
     baud: int = 38400  # the sender's rate, format and clock error
     format: str = "7E1"
     ppm: float = 0.0

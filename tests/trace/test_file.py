@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -226,6 +227,18 @@ def test_lines_of_a_later_version_are_passed_over(tmp_path: Path) -> None:
     assert list(read_trace(path)) == [CYCLE]
 
 
+def test_a_file_that_another_program_wrote_anew_has_the_same_records(tmp_path: Path) -> None:
+    frame = FrameRecord("link", 1, 2, "press1", "poll", 1, 0, b"x", (), {}, False, False)
+    path = written(tmp_path / TRACE, [frame, CYCLE, frame])
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    for rewritten in (json.dumps, partial(json.dumps, sort_keys=True)):
+        path.write_text("".join(f"{rewritten(line)}\n" for line in lines))
+        trace = read_trace(path)
+        assert list(trace) == [frame, CYCLE, frame]
+        assert list(trace.of(FrameRecord)) == [frame, frame]
+        assert list(trace.of(CycleRecord)) == [CYCLE]
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -240,6 +253,8 @@ def test_lines_of_a_later_version_are_passed_over(tmp_path: Path) -> None:
         ({"damaged_at": [1]}, r"damaged_at is \[1\], not an object"),
         ({"bus": "elsewhere"}, "baud is missing"),
         ({"type": 7}, "type is 7, not a text"),
+        ({"protocol": "1e30h"}, "protocol is '1e30h', not one of nn, modbus-rtu, modbus-ascii, free"),
+        ({"protocol": ["nn"]}, r"protocol is \['nn'\], not a text"),
     ],
 )
 def test_a_damaged_line_is_reported(tmp_path: Path, change: dict[str, object], message: str) -> None:

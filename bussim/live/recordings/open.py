@@ -1,5 +1,6 @@
 """Opens a recording by its content."""
 
+import json
 from enum import Enum
 from pathlib import Path
 from typing import assert_never
@@ -10,6 +11,9 @@ from bussim.live.recordings.frames import TraceFile, open_trace
 from bussim.live.recordings.packets import PCAP_MAGICS, PacketFile
 from bussim.live.recordings.sigrok import SigrokFile
 from bussim.live.recordings.text import TextFile
+
+#: No header of a trace is longer (bytes).
+_LONGEST_HEADER = 1 << 20
 
 
 class Kind(Enum):
@@ -27,16 +31,29 @@ def kind_of(path: Path) -> Kind:
         if path.is_dir():
             return Kind.TRACE
         with path.open("rb") as file:
-            head = file.read(64)
+            head = file.read(4) + file.readline(_LONGEST_HEADER)
     if head.startswith(b"\n\r\r\n") or head[:4] in PCAP_MAGICS:
         return Kind.PACKETS
     if head.startswith(b"PK"):
         return Kind.SIGROK
-    if head.startswith(b'{"type":'):
+    if _is_header(head):
         return Kind.TRACE
     if not head:
         raise RecordingError(f"{path} is empty")
     return Kind.TEXT
+
+
+def _is_header(line: bytes) -> bool:
+    """Whether a trace begins so: damaged, or written anew with blanks, other orders or line breaks."""
+    if line.startswith(b'{"type":') or line.strip() == b"{":
+        return True
+    if not line.lstrip().startswith(b"{"):
+        return False
+    try:
+        header = json.loads(line)
+    except (ValueError, RecursionError):
+        return False
+    return bool(header.get("type") == "trace")
 
 
 def open_recording(

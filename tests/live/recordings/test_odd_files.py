@@ -202,3 +202,22 @@ def test_a_trace_that_was_not_written_to_its_end(tmp_path: Path) -> None:
         assert "cut_file" in codes(found)
         assert 0.4 < found["duration_s"] < 0.9
         assert found["bus_load"] == pytest.approx(whole["bus_load"], rel=0.05)
+
+
+@pytest.mark.slow
+def test_a_trace_that_another_program_wrote_anew_is_read_as_it_was(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scenario = Path(__file__).parents[3] / "scenarios" / "press_line.yaml"
+    folder = tmp_path / "run"
+    assert main(["run", str(scenario), "--duration", "2 s", "--trace", "--no-plots", "-o", str(folder)]) == 0
+    path = tmp_path / "anew.jsonl"
+    whole = sniffed(folder)
+    lines = [json.loads(line) for line in (folder / "trace.jsonl").read_text().splitlines()]
+    for write in (json.dumps, lambda line: " " + json.dumps(line, sort_keys=True)):
+        path.write_text("".join(f"{write(line)}\n" for line in lines))
+        assert {**sniffed(path), "source": None} == {**whole, "source": None}
+    path.write_text("".join(f"{json.dumps(line, indent=2)}\n" for line in lines))
+    capsys.readouterr()
+    assert main(["sniff", str(path)]) == 2
+    assert "a trace has one object a line" in capsys.readouterr().err
