@@ -72,7 +72,7 @@ def test_random_ports(seed: int) -> None:
     compare(ladders.with_ports(seed), traced=seed % 4 == 0)
 
 
-def _timed(seed: int) -> model.Scenario:
+def timed(seed: int) -> model.Scenario:
     """A random scenario with a latency between two of its PLCs, whose every END is told."""
     made, rng = ladders.scenario(seed), Random(seed)
     source, target = rng.choice(made.plcs), rng.choice(made.plcs)
@@ -88,7 +88,7 @@ def _timed(seed: int) -> model.Scenario:
 
 @pytest.mark.parametrize("seed", quick(8, range(300)))
 def test_random_latencies(seed: int) -> None:
-    compare(_timed(seed), traced=seed % 4 == 0)
+    compare(timed(seed), traced=seed % 4 == 0)
 
 
 @pytest.mark.slow
