@@ -102,7 +102,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Everything that ends a command becomes a line on standard error here: never a traceback for a mistake of
     the user, a place that cannot be written, too little memory, or an end that was asked for.
     """
-    return contextvars.copy_context().run(_main, arguments)
+    try:
+        return contextvars.copy_context().run(_main, arguments)
+    except (click.Abort, KeyboardInterrupt) as error:  # also while another error was being put into words
+        cause = error.__cause__ or error  # click makes an Abort of every interrupt
+        _say(str(cause) or "stopped")
+        return TERMINATED if isinstance(cause, Terminated) else INTERRUPTED
 
 
 def _main(arguments: Sequence[str] | None) -> int:
@@ -122,10 +127,6 @@ def _main(arguments: Sequence[str] | None) -> int:
             args=None if arguments is None else list(arguments), prog_name="bussim", standalone_mode=False
         )
         sys.stdout.flush()
-    except (click.Abort, KeyboardInterrupt) as error:
-        cause = error.__cause__ or error  # click makes an Abort of every interrupt
-        _say(str(cause) or "stopped")
-        return TERMINATED if isinstance(cause, Terminated) else INTERRUPTED
     except click.ClickException as error:
         error.show()
         return error.exit_code

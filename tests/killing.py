@@ -7,6 +7,7 @@ and prints a table: what the exit codes were, and whether anything was half writ
 
 from __future__ import annotations
 
+import argparse
 import hashlib
 import os
 import shutil
@@ -16,6 +17,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from random import Random
 
@@ -39,6 +41,8 @@ COMMANDS: dict[str, list[str]] = {
     "fit": ["fit", "A", "-o", "OUT.yaml"],
     "serve": ["serve", "nn_with_modbus", "feeder1", "--out", "OUT"],
     "poll": ["poll", "pty", "-l", "100"],
+    "inject": ["inject", "feeder1", "drop_reply"],
+    "ui": ["ui", "two_stations", "--no-browser"],
     "site": ["site", "R.yaml"],
     "guide": ["guide", "model"],
 }
@@ -74,17 +78,18 @@ def alive(group: int) -> bool:
 def left(folder: Path, before: set[str]) -> set[str]:
     """Names that a command added, without its whole results."""
     names = {path.name for path in folder.iterdir()} - before
+    names -= {"bussim"}  # of control sockets, in the folder that stands for the user's runtime folder
     return {name for name in names if not name.startswith("OUT") or name.endswith((".part", ".incomplete"))}
 
 
-def kill(moments: int, folder: Path) -> None:
+def kill(moments: int, folder: Path, names: Sequence[str]) -> None:
     for name in ("A", "B"):
         started(["run", "two_stations", "--duration", "20s", "--trace", "--out", name, "--set", f"seed={ord(name)}"], folder).wait()  # fmt: skip
     started(["run", "two_stations", "--duration", "2s", "--out", "C", "--readout", "R.yaml"], folder).wait()
     random, before = Random(1), {path.name for path in folder.iterdir()}
     print("command    signal   done before  codes  words that are none of ours  left behind  still running")
-    wanted = {name: COMMANDS[name] for name in sys.argv[3:] or COMMANDS}
-    for name, words in wanted.items():
+    for name in names:
+        words = COMMANDS[name]
         begun = time.monotonic()
         process = started(words, folder)
         try:
@@ -137,11 +142,11 @@ def whose(found: dict[str, str], alone: list[dict[str, str]]) -> str:
     return "files of both, each whole" if whole else "neither"
 
 
-def pairs(count: int, folder: Path) -> None:
+def pairs(count: int, folder: Path, names: Sequence[str]) -> None:
     for name in ("A", "B"):
         started(["run", "two_stations", "--duration", "20s", "--trace", "--out", name, "--set", f"seed={ord(name)}"], folder).wait()  # fmt: skip
-    wanted = {name: PAIRS[name] for name in sys.argv[3:] or PAIRS}
-    for name, words in wanted.items():
+    for name in names:
+        words = PAIRS[name]
         both = ("seed=1,2", "seed=3,4") if name == "sweep" else ("A", "B")
         target = next(folder / word for word in words if word.startswith("OUT"))
         alone = []
@@ -165,6 +170,15 @@ def pairs(count: int, folder: Path) -> None:
 if __name__ == "__main__":
     # A shell's background job ignores Ctrl-C, and so would all that it starts.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    todo, number = sys.argv[1], int((*sys.argv, "", "0")[2] or 0)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    todo = parser.add_subparsers(required=True)
+    for function, count, known in ((kill, 30, COMMANDS), (pairs, 16, PAIRS)):
+        asked = todo.add_parser(function.__name__)
+        asked.add_argument("count", nargs="?", type=int, default=count)
+        asked.add_argument("names", nargs="*", metavar="COMMAND", default=[*known], help=", ".join(known))
+        asked.set_defaults(function=function)
+    given = parser.parse_args()
     with tempfile.TemporaryDirectory() as place:
-        {"kill": kill, "pairs": pairs}[todo](number or {"kill": 30, "pairs": 16}[todo], Path(place))
+        given.function(given.count, Path(place), given.names)

@@ -14,15 +14,17 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Barrier
+from typing import NoReturn
 
 import pytest
 
-from bussim.cli import main
+from bussim.cli import Terminated, main
 from bussim.errors import RunError, UsageError
 from bussim.files import written_whole
 from bussim.processes import signals_later
 from bussim.results.store.folder import RunFolder
 from bussim.sweep.executors import _close
+from bussim.words import language
 
 ROOT = Path(__file__).parents[1]
 posix = pytest.mark.skipif(sys.platform == "win32", reason="devices, pipes and signals of POSIX")
@@ -370,6 +372,21 @@ def test_an_interrupt_by_the_terminal_reaches_workers_as_well(wait: float, tmp_p
     out, error = process.communicate()
     assert (process.returncode, out, error.strip().count("\n")) == (130, "", 0), error
     assert error.strip().startswith("stopped: ")
+
+
+@pytest.mark.parametrize(("kind", "code"), [(KeyboardInterrupt, 130), (Terminated, 143)])
+def test_an_end_that_is_asked_for_while_a_mistake_is_put_into_words(
+    kind: type[KeyboardInterrupt],
+    code: int,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def asked(*_: object, **__: object) -> NoReturn:
+        raise kind
+
+    monkeypatch.setattr(language, "said_text", asked)
+    assert main(["plot", "nowhere"]) == code
+    assert capsys.readouterr().err.strip() == "stopped"
 
 
 #: An interrupt in a callback, and one that a library makes an error of its own of.
