@@ -92,15 +92,6 @@ def _version(path: Path) -> tuple[int, ...] | None:
     return found.st_dev, found.st_ino, found.st_mtime_ns, found.st_size
 
 
-def made_folder(path: Path) -> Path:
-    """The folder, made with those above it where it is not there; raises as :func:`written_whole`."""
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise not_written(path, error) from error
-    return path
-
-
 def not_written(path: Path, error: OSError, what: str = "be written") -> UsageError | RunError:
     """What a command raises where a path cannot be written: by :func:`is_bad_path` the one or the other."""
     kind = UsageError if is_bad_path(error) else RunError

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bussim.commands.common.output import check_pictures, print_files
+from bussim.commands.common.output import check_pictures, made_folder, print_files
 from bussim.commands.common.scenario_options import lang_option
 from bussim.errors import UsageError
-from bussim.files import made_folder
 
 if TYPE_CHECKING:
     from bussim.results.plots.style import Picture

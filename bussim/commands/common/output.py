@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from bussim.errors import UsageError
-from bussim.files import written_whole
+from bussim.files import not_written, written_whole
 from bussim.wording import shell_word
 
 if TYPE_CHECKING:
@@ -60,6 +61,27 @@ def check_pictures(stems: Iterable[Path], *, force: bool, option: str = "--out")
     for stem in stems:
         for ending in (".png", ".svg"):
             checked_target(stem.with_name(stem.name + ending), (), force=force, option=option)
+
+
+def made_folder(path: Path) -> Path:
+    """The folder for a command's files, made with those above it where it is not there.
+
+    Those that are empty when the command ends, because its files could not be written, are removed.
+    Raises UsageError or RunError where it cannot be made.
+    """
+    made = [each for each in (path, *path.parents) if not os.path.lexists(each)]
+
+    def remove() -> None:
+        for each in made:
+            with suppress(OSError):
+                each.rmdir()
+
+    click.get_current_context().call_on_close(remove)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise not_written(path, error) from error
+    return path
 
 
 def print_files(paths: Sequence[Path], *, as_json: bool) -> None:

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bussim.commands.common.output import check_pictures, print_json, show_carried
+from bussim.commands.common.output import check_pictures, made_folder, print_json, show_carried
 from bussim.commands.common.scenario_options import code_option, lang_option, set_option, time_of
 from bussim.errors import UsageError
 from bussim.exact.text import ALMOST_CERTAIN, ms_cell, one_in
-from bussim.files import made_folder
 from bussim.units import milliseconds
 from bussim.words.language import said_text, say
 

@@ -9,12 +9,18 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bussim.commands.common.output import busy, check_pictures, checked_target, print_json, write_text
+from bussim.commands.common.output import (
+    busy,
+    check_pictures,
+    checked_target,
+    made_folder,
+    print_json,
+    write_text,
+)
 from bussim.commands.common.progress import progress_bar
 from bussim.commands.common.recording import is_recording, line_options
 from bussim.commands.common.scenario_options import code_option, time_of
 from bussim.errors import UsageError
-from bussim.files import made_folder
 
 if TYPE_CHECKING:
     from bussim.commands.fit.recording import Fitted

@@ -12,6 +12,7 @@ from bussim.commands.common.output import (
     busy,
     check_pictures,
     checked_target,
+    made_folder,
     print_files,
     show_carried,
     to_json,
@@ -20,7 +21,6 @@ from bussim.commands.common.output import (
 from bussim.commands.common.scenario_options import code_option, lang_option, set_option
 from bussim.commands.size.uniform_link import DEFAULT_PROFILE, DEFAULT_SCAN, uniform_link
 from bussim.errors import RunError, UsageError
-from bussim.files import made_folder
 from bussim.words.language import current_language, say
 
 if TYPE_CHECKING:
