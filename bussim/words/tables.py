@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from importlib.resources import files
 from string import Formatter
@@ -19,6 +19,8 @@ TABLES = (
 PAGES = ("sizing", "report", "ui")
 #: A text of fewer letters than this besides its values, or of one word, may be that of something else.
 _LEAST_LETTERS = 8
+#: An entry of a table: its key, and its texts beside it or on the lines that follow.
+_ENTRY = re.compile(r'^"?([\w.]+)"?:(.*(?:\n[ -].*)*)', re.MULTILINE)
 
 
 class Said(str):
@@ -40,24 +42,44 @@ class Said(str):
 
 def read_table(package: str, name: str) -> Any:
     """A table of YAML that stands beside the modules of a package, as plain data."""
+    return _loaded(files(package).joinpath(name).read_text(encoding="utf-8"))
+
+
+def _loaded(text: str) -> Any:
     import yaml
 
-    text = files(package).joinpath(name).read_text(encoding="utf-8")
     return yaml.load(text, yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader)  # noqa: S506 (safe)
+
+
+class _Entries(Mapping[str, list[str]]):
+    """The entries of all tables, each read when it is asked for: a command says a few of two thousand."""
+
+    def __init__(self) -> None:
+        self._lines: dict[str, str] = {}
+        self._read: dict[str, list[str]] = {}
+        for name in (*TABLES, *PAGES):
+            text = files(__package__).joinpath(f"{name}.yaml").read_text(encoding="utf-8")
+            for found, lines in _ENTRY.findall(text):
+                key = f"{name}.{found}" if name in PAGES else found
+                if self._lines.setdefault(key, lines) is not lines:
+                    raise ValueError(f"{name}.yaml has a key that there is already: {key}")
+
+    def __getitem__(self, key: str) -> list[str]:
+        if key not in self._read:
+            self._read[key] = _loaded(self._lines[key])
+        return self._read[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._lines)
+
+    def __len__(self) -> int:
+        return len(self._lines)
 
 
 @cache
 def entries() -> Mapping[str, list[str]]:
     """Every key with its texts in the order of :data:`LANGUAGES`, and then perhaps a mark."""
-    found: dict[str, list[str]] = {}
-    for name in (*TABLES, *PAGES):
-        table = read_table("bussim.words", f"{name}.yaml")
-        if name in PAGES:
-            table = {f"{name}.{key}": texts for key, texts in table.items()}
-        if twice := found.keys() & table.keys():
-            raise ValueError(f"{name}.yaml has keys of another table: {', '.join(sorted(twice))}")
-        found |= table
-    return found
+    return _Entries()
 
 
 def changed(text: str, change: Callable[[str], str]) -> str:
@@ -78,16 +100,14 @@ def _as_text(value: object) -> str:
 @cache
 def keys_of(start: str) -> Mapping[str, str]:
     """The keys that begin so, by their English texts."""
-    return {texts[0]: key for key, texts in entries().items() if key.startswith(start)}
+    return {entries()[key][0]: key for key in entries() if key.startswith(start)}
 
 
 @cache
 def page_words(page: str, lang: str) -> dict[str, str]:
     """The texts of a page's table in one language, by its script's keys; ``{names}`` are filled in."""
     column, start = LANGUAGES.index(lang), f"{page}."
-    return {
-        key.removeprefix(start): texts[column] for key, texts in entries().items() if key.startswith(start)
-    }
+    return {key.removeprefix(start): entries()[key][column] for key in entries() if key.startswith(start)}
 
 
 def recognised(text: str, start: str = "") -> str:
@@ -109,11 +129,11 @@ def recognised(text: str, start: str = "") -> str:
 def _patterns(start: str) -> list[tuple[str, list[str], re.Pattern[str]]]:
     """What each English text looks like, those with the most letters of their own first."""
     found = []
-    for key, (english, *_) in entries().items():
-        parts = [(literal, name) for literal, name, _, _ in Formatter().parse(english)]
+    for key in filter(lambda key: key.startswith(start), entries()):
+        parts = [(literal, name) for literal, name, _, _ in Formatter().parse(entries()[key][0])]
         letters = "".join(literal for literal, _ in parts).strip()
         own = sum(map(str.isalpha, letters))
-        told = key.startswith(start) if start else own >= _LEAST_LETTERS and " " in letters
+        told = start or (own >= _LEAST_LETTERS and " " in letters)
         names = [name for _, name in parts if name]
         if told and len(set(names)) == len(names):
             pattern = "".join(re.escape(literal) + ("(.+?)" if name else "") for literal, name in parts)

@@ -14,7 +14,7 @@ import bussim
 from bussim.report.settings import SETTINGS
 from bussim.results.plots.style import FRAMES
 from bussim.scenario.provenance import FIGURES, link_inputs
-from bussim.words.tables import PAGES, entries, keys_of
+from bussim.words.tables import PAGES, TABLES, entries, keys_of, read_table
 
 _ROOT = Path(bussim.__file__).parent
 #: Keys that a code or a name completes, and texts that a summary or a trace has in English.
@@ -31,6 +31,15 @@ def _said() -> Iterator[str]:
         text = path.read_text(encoding="utf-8")
         yield from re.findall(r'\b(?:say|said_text|render)\(\s*"([\w.]+)"', text)
         yield from re.findall(r'\b(?:say|said_text|render)\(\s*"[\w.]+" if [^()]*? else "([\w.]+)"', text)
+
+
+def test_each_entry_is_read_alone_as_in_its_whole_table() -> None:
+    whole: dict[str, list[str]] = {}
+    for name in (*TABLES, *PAGES):
+        start = f"{name}." if name in PAGES else ""
+        table = read_table("bussim.words", f"{name}.yaml")
+        whole |= {start + key: texts for key, texts in table.items()}
+    assert {**entries()} == whole
 
 
 def test_each_key_that_is_said_is_there() -> None:
