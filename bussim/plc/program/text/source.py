@@ -54,8 +54,8 @@ _OPERAND = re.compile(
 )
 #: A bracket that is not closed yet, or a < right in front of a text.
 _OPENED = re.compile(r"[(\[{《「【〈][^)\]}》」】〉]*$|<$")
-#: The first letter of a text in Chinese, Japanese or Korean: no device has such letters.
-_EAST_ASIAN = re.compile("[\u3040-\u30ff\u3400-\u9fff\uac00-\ud7af\uff66-\uff9f]")
+#: The first letter of a text in Chinese, Japanese or Korean: no device has such letters (5 ms to compile).
+_EAST_ASIAN = "[\u3040-\u30ff\u3400-\u9fff\uac00-\ud7af\uff66-\uff9f]"
 _FULL_WIDTH = {0xFF01 + at: 0x21 + at for at in range(94)} | {0x3000: 0x20}
 
 
@@ -292,7 +292,7 @@ def _without_text(number: int, line: str) -> list[_Word]:
 
     It begins behind an instruction's last operand, or else with the text or the bracket around it.
     """
-    text = _EAST_ASIAN.search(line)
+    text = re.search(_EAST_ASIAN, line)
     if text is None or any(word.upper() in FORMS for word in _TOKEN.findall(line[text.start() :])):
         return _joined(number, line)
     opened = _OPENED.search(line[: text.start()])
