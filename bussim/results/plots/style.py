@@ -17,6 +17,7 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
@@ -112,8 +113,13 @@ class Picture(Figure):
     def draw(self, renderer: Any) -> None:
         """Draw everything, each text in fonts that have its characters."""
         use_fonts(self.findobj(Text))
+        layout = self.get_layout_engine()
         with style():
-            super().draw(renderer)
+            # matplotlib draws twice when it saves, first for the layout alone.
+            if isinstance(layout, ConstrainedLayoutEngine) and self.canvas.is_saving():
+                layout.execute(self)
+            else:
+                super().draw(renderer)
 
     def width_of(self, text: str, points: float) -> float:
         """The width in inches of a line of text of so many points."""
