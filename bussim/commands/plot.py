@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from bussim.commands.common.drawing import import_matplotlib
 from bussim.commands.common.output import check_pictures, made_folder, print_files
 from bussim.commands.common.scenario_options import lang_option
 from bussim.errors import UsageError
@@ -111,6 +112,7 @@ class _Subject:
 
 
 def _subject(option: str) -> _Subject:
+    import_matplotlib()
     from bussim.results.plots.latency import latency_of, latency_picture, measured
     from bussim.results.plots.responses import master_of, masters, response_time_histogram
     from bussim.results.plots.scan_times import link_of, scan_time_histogram

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from bussim.commands.common.drawing import import_matplotlib
 from bussim.commands.common.output import checked_target, print_json, show_carried, write_text
 from bussim.commands.common.scenario_options import (
     code_option,
@@ -113,8 +114,11 @@ def command(
 
         write_text(paper, dumped(readout_data(loaded, result.totals, as_seen=as_seen)))
         click.echo(said_text("run_readout", path=paper), err=as_json)
+    if no_plots:
+        return
     # Last, as pictures take longer than the numbers.
-    for picture in [] if no_plots else result.save_plots():
+    import_matplotlib()
+    for picture in result.save_plots():
         if not as_json:
             click.echo(said_text("run_picture", path=picture))
 

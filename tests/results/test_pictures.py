@@ -14,6 +14,8 @@ from bussim.results.pictures import draw_run
 from bussim.units import TICKS_PER_SECOND
 from tests.results.fakes import quiet
 
+ENVIRONMENT = {"PYTHONPATH": str(Path(__file__).parents[2])}
+
 pytestmark = pytest.mark.usefixtures("pictures_undrawn")
 
 
@@ -42,9 +44,17 @@ def test_without_pictures_nothing_of_matplotlib_is_imported(tmp_path: Path) -> N
         "import sys; from bussim.cli import main; code = main(['run', 'two_stations', '--duration', '1s',"
         "'--no-plots', '--out', 'o']); sys.exit(code or int('matplotlib' in sys.modules))"
     )
-    root = str(Path(__file__).parents[2])
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env={"PYTHONPATH": root}, check=False)
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=ENVIRONMENT, check=False)
     assert done.returncode == 0
     assert {path.name for path in (tmp_path / "o").iterdir()} == {
         "summary.json", "histograms.json", "scenario.yaml", "link_scans.csv"
     }  # fmt: skip
+
+
+def test_a_command_draws_without_the_lists_in_the_docstrings_of_matplotlib() -> None:
+    code = (
+        "from bussim.commands.common.drawing import import_matplotlib; import_matplotlib()\n"
+        "from matplotlib.artist import kwdoc; from matplotlib.axes import Axes\n"
+        "assert 'xlabel' in kwdoc(Axes) and 'xlabel' not in Axes.set.__doc__, Axes.set.__doc__"
+    )
+    subprocess.run([sys.executable, "-c", code], env=ENVIRONMENT, check=True)

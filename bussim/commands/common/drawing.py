@@ -1,0 +1,16 @@
+"""What commands draw with."""
+
+
+def import_matplotlib() -> None:
+    """Import what draws pictures, without what takes half of that time: docstrings that list all properties.
+
+    For commands only: who draws from Python may want to read them.
+    """
+    from matplotlib import artist
+
+    listed = artist.kwdoc
+    artist.kwdoc = lambda artist: ""  # noqa: ARG005 - as matplotlib names it
+    try:
+        import bussim.results.plots.style  # noqa: F401
+    finally:
+        artist.kwdoc = listed
