@@ -74,7 +74,9 @@ _DPI = 150
 #: Inches of a column of a legend beside its labels.
 _SWATCH = 0.6
 _SOFTWARE = f"bussim {__version__}"
+# First the defaults of matplotlib: its rcdefaults() reads thirty style sheets to know what it must not set.
 _SETTINGS: Any = {
+    **{name: value for name, value in mpl.rcParamsDefault.items() if not name.startswith("backend")},
     **mpl.rc_params_from_file(str(files(__package__) / "pictures.mplstyle"), use_default_template=False),
     "font.family": [FONT],
 }
@@ -94,11 +96,9 @@ def drawn(draw: Callable[_Arguments, Picture]) -> Callable[_Arguments, Picture]:
 @contextmanager
 def style() -> Iterator[None]:
     """The settings under which pictures are drawn and saved, whatever the user's own are."""
-    with mpl.rc_context(), warnings.catch_warnings():
+    with mpl.rc_context(_SETTINGS), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing")  # use_fonts says it in its own words
-        mpl.rcdefaults()
-        with mpl.rc_context(_SETTINGS):
-            yield
+        yield
 
 
 class Picture(Figure):
