@@ -116,7 +116,7 @@ class Picture(Figure):
         layout = self.get_layout_engine()
         with style():
             # matplotlib draws twice when it saves, first for the layout alone.
-            if isinstance(layout, ConstrainedLayoutEngine) and self.canvas.is_saving():
+            if self.axes and isinstance(layout, ConstrainedLayoutEngine) and self.canvas.is_saving():
                 layout.execute(self)
             else:
                 super().draw(renderer)

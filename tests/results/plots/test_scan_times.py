@@ -339,3 +339,16 @@ def test_where_a_picture_cannot_go(tmp_path: Path, name: str, match: str) -> Non
     with pytest.raises(UsageError, match=match):
         scan_time_histogram([NARROW], "link").save(tmp_path / name)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_picture_is_drawn_once_for_each_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[Axes] = []
+    draw = Axes.draw
+
+    def counted(axes: Axes, renderer: Any) -> None:
+        drawn.append(axes)
+        draw(axes, renderer)
+
+    monkeypatch.setattr(Axes, "draw", counted)
+    scan_time_histogram([quiet(duration=3 * TICKS_PER_SECOND).run()], "link").save_both(tmp_path / "a")
+    assert len(drawn) == len([*tmp_path.iterdir()]) == 2
