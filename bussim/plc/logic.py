@@ -6,17 +6,22 @@ END on that ends the scan: by its own ports, which act before the next scan begi
 takes the image that is frozen at END.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from bussim.plc.inputs import NEVER, Change, Stimulus
 from bussim.plc.memory import BlockRange, Device, DeviceRange, Memory, SharedAreas
 from bussim.plc.ports.port_instructions import ProgramPorts
 from bussim.plc.program.errors import Fault, Halt, OperationFault, PortRefused
-from bussim.plc.program.execution import ProgramRun
 from bussim.plc.program.instruction_times import InstructionTimes
-from bussim.plc.program.program import Program
-from bussim.plc.program.rest import Dependence
 from bussim.units import TICKS_PER_MS
+
+if TYPE_CHECKING:
+    from bussim.plc.program.execution import ProgramRun
+    from bussim.plc.program.program import Program
+    from bussim.plc.program.rest import Dependence
 
 
 class Logic:
@@ -43,12 +48,13 @@ class Logic:
         self._next_change = -1  # when an input changes next; before the first sampling: all are sampled
         self._ports = ports
         self._uses_ports = program is not None and program.uses_ports
-        self._run = (
-            ProgramRun(program, memory, times=times, ports=self._ports, power_on=now, kept_pulses=kept_pulses)
-            if program is not None
-            else None
-        )
-        if self._run is not None:
+        self._run: ProgramRun | None = None
+        if program is not None:
+            from bussim.plc.program.execution import ProgramRun  # what only a PLC with a program pays
+
+            self._run = ProgramRun(
+                program, memory, times=times, ports=self._ports, power_on=now, kept_pulses=kept_pulses
+            )
             self._run.on_error(self._failed)
         self._shared = SharedAreas(memory, shared_words)
         self._shown = now  # the END whose special devices the memory shows; NEVER: they stay as they are

@@ -1,8 +1,11 @@
 """One PLC: supply, RUN and STOP, memory, scan cycle, ports, and the sources of its block."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import Enum
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
 from bussim.engines.nn.frames import MODES, LinkSettings
 from bussim.engines.nn.master import Master
@@ -19,12 +22,14 @@ from bussim.plc.ports.port_instructions import ProgramPorts
 from bussim.plc.ports.port_registers import Maps, PortRegisters
 from bussim.plc.ports.spec import FreeSpec, PollSpec, PortSpec
 from bussim.plc.profiles import MAX_SLAVES, Profile
-from bussim.plc.program.program import Program
-from bussim.plc.program.rest import Dependence, dependence
 from bussim.plc.scan import ScanCycle
 from bussim.plc.sources import Source, Sources
 from bussim.plc.system_devices import SystemDevices
 from bussim.units import TICKS_PER_MS, TICKS_PER_SECOND, round_half_up
+
+if TYPE_CHECKING:
+    from bussim.plc.program.program import Program
+    from bussim.plc.program.rest import Dependence
 
 #: What the link has received for this PLC after one tick and up to another: (station, newest image).
 Received = Callable[[int, int], Iterable[tuple[int, bytes]]]
@@ -129,10 +134,11 @@ class Plc:
         Where every END is told, it is all that those do.
         """
         program, status = self._program, LINK_STATUS[self.profile.family].values()
-        depends = dependence(program) if program is not None else Dependence()
         shown = self.port_registers or self._observes_specials or any(at in status for at in self._observed)
-        if self.every_end and depends is not None and not shown:
-            self._depends = depends
+        if self.every_end and not shown:
+            from bussim.plc.program.rest import Dependence, dependence  # what only such PLCs pay
+
+            self._depends = dependence(program) if program is not None else Dependence()
 
     @property
     def longest_drawn(self) -> int:

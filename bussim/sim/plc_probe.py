@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
+from typing import TYPE_CHECKING
 
 from bussim.plc.inputs import Change
 from bussim.plc.memory import Device
 from bussim.plc.plc import Plc
 from bussim.plc.program.errors import Fault, Halt, PortRefused
-from bussim.plc.program.program import Program
 from bussim.trace.records import DeviceValueRecord, InputRecord, NoteRecord
 from bussim.trace.sink import Sink
 from bussim.units import seconds
+
+if TYPE_CHECKING:
+    from bussim.plc.program.program import Program
 
 #: What a PLC does whose program has stopped: an assumption, see :mod:`bussim.plc.program.execution`.
 _STANDS_STILL = (

@@ -39,10 +39,11 @@ def test_a_run_from_python_draws_when_it_is_asked(tmp_path: Path) -> None:
     assert result.save_plots() == [tmp_path / "run" / "scan_time_link.png"]
 
 
-def test_without_pictures_nothing_of_matplotlib_is_imported(tmp_path: Path) -> None:
+def test_without_pictures_and_programs_nothing_for_them_is_imported(tmp_path: Path) -> None:
     code = (
         "import sys; from bussim.cli import main; code = main(['run', 'two_stations', '--duration', '1s',"
-        "'--no-plots', '--out', 'o']); sys.exit(code or int('matplotlib' in sys.modules))"
+        "'--no-plots', '--out', 'o']); sys.exit(code or 3 * bool({'matplotlib', 'bussim.plc.program.text', "
+        "'bussim.plc.program.program'} & sys.modules.keys()))"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=ENVIRONMENT, check=False)
     assert done.returncode == 0

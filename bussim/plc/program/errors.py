@@ -1,9 +1,13 @@
 """Errors that stop a running program or that its PLC flags, with their texts for the user."""
 
-from typing import NamedTuple
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
 
 from bussim.plc.program.machine import CALLS_TOO_DEEP, OUT_OF_RANGE
-from bussim.plc.program.program import Program
+
+if TYPE_CHECKING:
+    from bussim.plc.program.program import Program
 
 #: Codes of D8067 in words (FX programming manual).
 MEANINGS = {
