@@ -28,6 +28,8 @@ def program() -> NoReturn:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     # What modules are made of stays: to look for garbage in it again and again is a tenth of a short run.
     gc.set_threshold(20_000)
+    # pydantic would ask every package that is installed whether it has plugins for it.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "true")
     from bussim.cli import FAILED, INTERRUPTED, TERMINATED, Terminated, main
 
     asked: list[type[KeyboardInterrupt]] = []
