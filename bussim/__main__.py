@@ -26,8 +26,9 @@ def program() -> NoReturn:
     """
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    # What modules are made of stays: to look for garbage in it again and again is a tenth of a short run.
-    gc.set_threshold(20_000)
+    # What modules are made of stays: to look for garbage in it again and again is a tenth of a short run. A
+    # simulation leaves some ten objects of garbage a second.
+    gc.set_threshold(150_000)
     # pydantic would ask every package that is installed whether it has plugins for it.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "true")
     from bussim.cli import FAILED, INTERRUPTED, TERMINATED, Terminated, main
