@@ -203,8 +203,8 @@ class SweepFolder:
             if _is_empty_start(folder):
                 return False
             raise UsageError(
-                f"{folder} exists and is not the folder of a sweep (it has no {MANIFEST}), so that it is "
-                "not replaced even by force; choose another name with --out"
+                f"{folder} exists and is not the folder of a sweep (it has no {MANIFEST} that can be "
+                "read), so that it is not replaced even by force; choose another name with --out"
             )
         different = differences(self._manifest, known)
         if different and not self._force:

@@ -19,8 +19,8 @@ _NOTHING = object()
 def read_manifest(folder: Path) -> dict[str, Any] | None:
     """The content of a folder's ``sweep.json``, None if it has none that can be read."""
     try:
-        data = strict_json((folder / MANIFEST).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        data = strict_json((folder / MANIFEST).read_text(encoding="utf-8-sig"))
+    except (OSError, ValueError, RecursionError):
         return None
     return data if isinstance(data, dict) and "vary" in data else None
 
@@ -58,7 +58,7 @@ def _varied(here: list[dict[str, Any]], there: Any) -> list[str]:
     if here == there:
         return []
     try:
-        theirs = {axis["key"]: axis["values"] for axis in there}
+        theirs = {axis["key"]: list(map(str, axis["values"])) for axis in there}
         columns = {axis["key"]: axis["column"] for axis in there}
     except (KeyError, TypeError):
         return ["--vary cannot be read there"]

@@ -44,11 +44,14 @@ class SweepResult:
 
     @cached_property
     def _runs(self) -> Table:
-        return read_csv(self.folder / RUNS)
+        axes = [axis.column for axis in self.plan.axes]
+        head = ["run", "point", *axes, "repeat", "seed"]
+        return read_csv(self.folder / RUNS, head, self.plan.runs)
 
     @cached_property
     def _points(self) -> Table:
-        return read_csv(self.folder / POINTS)
+        head = ["point", *(axis.column for axis in self.plan.axes), "runs"]
+        return read_csv(self.folder / POINTS, head, len(self.plan.points))
 
     @property
     def figures(self) -> list[str]:

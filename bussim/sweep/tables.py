@@ -1,10 +1,13 @@
 """The tables of a sweep: one row a run, and one row a point with means and confidence intervals."""
 
 import csv
+import io
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from bussim.errors import UsageError
+from bussim.files import plain
 from bussim.results.store.safe_names import cell, from_cell
 from bussim.results.store.tables import import_pyarrow
 from bussim.sweep.figures import Number, in_order, is_event_count, rare_count_of
@@ -120,18 +123,39 @@ def write_csv(path: Path, table: Table) -> None:
             writer.writerow([cell(value) if isinstance(value, str) else value for value in row])
 
 
-def read_csv(path: Path) -> Table:
-    """The table of :func:`write_csv`. Raises UsageError if it is not there or damaged."""
+def read_csv(path: Path, head: Sequence[str], rows: int) -> Table:
+    """The table of :func:`write_csv` with its number of rows, whose first columns are ``head``.
+
+    The first of them counts the rows from 1; behind them are figures. Raises UsageError if the table is not
+    there or is another one, as what a spreadsheet saves may be.
+    """
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            rows = csv.reader(file)
-            table: Table = {from_cell(name): [] for name in next(rows)}
-            columns = list(table.values())
-            for row in rows:
-                for column, text in zip(columns, row, strict=True):
-                    column.append(_parsed(text))
-    except (OSError, ValueError, StopIteration) as error:
-        raise UsageError(f"{path} cannot be read; the sweep must be run again ({error})") from error
+        with plain(path).open(encoding="utf-8-sig", newline="") as file:
+            return _checked(file.read(), head, rows)
+    except (OSError, ValueError, csv.Error) as error:
+        raise UsageError(f"{path} cannot be read: {error}; --force runs the sweep again") from error
+
+
+def _checked(text: str, head: Sequence[str], rows: int) -> Table:
+    if not text.endswith(("\n", "\r")):
+        raise ValueError("its last line is cut off")
+    cells = list(csv.reader(io.StringIO(text, newline="")))
+    names = list(map(from_cell, cells[0])) if cells else []
+    if names[: len(head)] != [*head]:
+        raise ValueError(f"its columns begin with {names[: len(head)]}, not with {[*head]}")
+    for number, row in enumerate(cells, 1):
+        if len(row) != len(names):
+            raise ValueError(f"row {number} has {len(row)} columns, its heading {len(names)}")
+    table: Table = {
+        name: list(map(_parsed, column))
+        for name, column in zip(names, zip(*cells[1:], strict=True), strict=bool(cells[1:]))
+    }
+    if table.get(head[0], []) != list(range(1, rows + 1)):
+        raise ValueError(f"its column {head[0]} does not count {rows} rows")
+    for name in names[len(head) :]:
+        for value in table[name]:
+            if isinstance(value, str) or not math.isfinite(value or 0):
+                raise ValueError(f"its column {name} has {value!r}, no number")
     return table
 
 

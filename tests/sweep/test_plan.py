@@ -7,7 +7,7 @@ import pytest
 from bussim import api
 from bussim.errors import ScenarioError, UsageError
 from bussim.sweep.figures import figures_of
-from bussim.sweep.identity import differences
+from bussim.sweep.identity import differences, read_manifest
 from bussim.sweep.jobs import Job, masters_of, run_job
 from bussim.sweep.plan import Plan
 from tests.sweep.samples import BER, RETRIES, TIMEOUT, noisy
@@ -134,7 +134,7 @@ def test_mistakes_of_the_scenario_itself(tmp_path: Path, scenario: Path) -> None
         Plan(scenario, [f"{RETRIES}=1,2"])
 
 
-def test_what_distinguishes_two_sweeps(scenario: Path) -> None:
+def test_what_distinguishes_two_sweeps(scenario: Path, tmp_path: Path) -> None:
     vary = [f"{RETRIES}=0:5:1", f"{BER}=1e-4,1e-3"]
     here = Plan(scenario, vary, sets=["duration=2s"], repeat=3).manifest()
     assert differences(here, Plan(scenario, vary, sets=["duration=2s"], repeat=3).manifest()) == []
@@ -153,7 +153,10 @@ def test_what_distinguishes_two_sweeps(scenario: Path) -> None:
     assert differences(here, longer) == [f"{RETRIES} is varied over 0,1,…,5 (6) here, 0,2,4 there"]
     turned = Plan(scenario, vary[::-1], sets=["duration=2s"], repeat=3).manifest()
     assert differences(here, turned) == ["the order of --vary is another one there"]
-    assert differences(here, {"vary": 3})  # a file that is no manifest
+    for vary_there in (3, [{**here["vary"][0], "values": 5}], [{**here["vary"][0], "values": [5]}]):
+        assert differences(here, {"vary": vary_there})  # a file that is no manifest
+    (tmp_path / "sweep.json").write_text("[" * 100_000)
+    assert read_manifest(tmp_path) is None
     scenario.write_text("# only a comment\n" + scenario.read_text())
     again = Plan(scenario, vary, sets=["duration=2s"], repeat=3).manifest()
     assert differences(here, again) == []

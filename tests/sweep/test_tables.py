@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import csv
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -89,6 +90,7 @@ def test_one_row_a_point(plan: Plan, runs: Table) -> None:
 
 def test_a_table_is_the_same_when_it_is_read_again(tmp_path: Path) -> None:
     table: Table = {
+        "point": [1, 2, 3],
         "k": ["pw10", "=cmd()", "a,b"],
         "n": [1, None, 3],
         "big": [2**48 - 1, 0, 1],
@@ -98,13 +100,38 @@ def test_a_table_is_the_same_when_it_is_read_again(tmp_path: Path) -> None:
     raw = (tmp_path / "t.csv").read_bytes()
     assert raw.count(b"\r\n") == 4
     assert b"'=cmd()" in raw  # no formula in a spreadsheet
-    assert read_csv(tmp_path / "t.csv") == table
+    head = ["point", "k"]
+    assert read_csv(tmp_path / "t.csv", head, 3) == table
     with (tmp_path / "t.csv").open(newline="") as file:
-        assert [len(row) for row in csv.reader(file)] == [4] * 4
-    for damaged in (b"", raw[:-9]):
-        (tmp_path / "t.csv").write_bytes(damaged)
-        with pytest.raises(UsageError, match=r"t.csv cannot be read"):
-            read_csv(tmp_path / "t.csv")
+        assert [len(row) for row in csv.reader(file)] == [5] * 4
+    (tmp_path / "t.csv").write_bytes(b"\xef\xbb\xbf" + raw)  # as an editor on Windows saves it
+    assert read_csv(tmp_path / "t.csv", head, 3) == table
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda raw: raw[:0], "its last line is cut off"),
+        (lambda raw: raw[:-9], "its last line is cut off"),
+        (lambda raw: raw[: raw.rindex(b"3,")], "its column point does not count 3 rows"),
+        (lambda raw: raw[-1:], "its columns begin with"),
+        (lambda raw: raw.replace(b",", b";"), r"its columns begin with \['point;x'\], not with \['point'\]"),
+        (lambda raw: raw.replace(b"0.25", b'"0,25"'), "its column x has '0,25', no number"),
+        (lambda raw: raw.replace(b"0.25", b"nan"), "its column x has nan, no number"),
+        (lambda raw: raw.replace(b"0.25", b"1e999"), "its column x has inf, no number"),
+        (lambda raw: raw.replace(b"0.25", b"0.25,"), "row 2 has 3 columns, its heading 2"),
+        (lambda raw: raw.replace(b"0.25", b"0" * 150_000), "field larger than field limit"),
+        (lambda raw: raw.decode().encode("utf-16"), "can't decode byte 0xff"),
+    ],
+)
+def test_a_table_that_a_spreadsheet_or_a_crash_changed_is_refused(
+    change: Callable[[bytes], bytes], message: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "t.csv"
+    write_csv(path, {"point": [1, 2, 3], "x": [0.25, 1, 2]})
+    path.write_bytes(change(path.read_bytes()))
+    with pytest.raises(UsageError, match=rf"t\.csv cannot be read: .*{message}.*; --force"):
+        read_csv(path, ["point"], 3)
 
 
 def test_parquet_says_the_same_as_csv(tmp_path: Path, runs: Table) -> None:
