@@ -54,5 +54,5 @@ def test_tables_are_read_with_the_columns_of_today(run: Path, kind: type[Record]
 def test_a_column_of_a_later_version_is_left_out(tmp_path: Path) -> None:
     rows = (RUNS[-1] / "link_scans.csv").read_text(encoding="utf-8").splitlines()
     lines = [f"{rows[0]},phase", *(f"{row},3" for row in rows[1:])]
-    (tmp_path / "link_scans.csv").write_text("\r\n".join(lines), encoding="utf-8")
+    (tmp_path / "link_scans.csv").write_text("\r\n".join([*lines, ""]), encoding="utf-8")
     assert list(FolderRows(tmp_path).table(ScanRecord).columns) == list(SCANS.kinds)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -90,11 +91,11 @@ class FolderRows:
         """The lines of ``trace.jsonl``."""
         path = self._folder / TRACE
         try:
-            with plain(path).open(encoding="utf-8") as lines:
+            with plain(path).open(encoding="utf-8-sig") as lines:
                 return [strict_json(line) for line in lines]
         except FileNotFoundError:
             raise UsageError(f"{self._folder} has no {TRACE}: {_NO_TRACE}") from None
-        except (OSError, ValueError) as error:
+        except (OSError, RecursionError, ValueError) as error:
             raise UsageError(f"{path} cannot be read: {error}") from error
 
     def open_trace(self) -> Trace:
@@ -111,32 +112,55 @@ def _load_table(path: Path, kinds: Mapping[str, Kind]) -> pd.DataFrame:
 
     So a table of an earlier or a later version is read, too.
     """
+    errors: tuple[type[Exception], ...] = (ArithmeticError, OSError, TypeError, ValueError)
+    if path.suffix != ".csv":
+        errors += (import_pyarrow()[0].ArrowException,)
+    try:
+        return _read_table(path, kinds)
+    except errors as error:
+        raise UsageError(f"{path} cannot be read: {error}") from error
+
+
+def _read_table(path: Path, kinds: Mapping[str, Kind]) -> pd.DataFrame:
     import pandas as pd
 
-    try:
-        if path.suffix == ".csv":
-            table = pd.read_csv(
-                path,
-                # Flags are 0 and 1 there, which pandas reads as numbers only.
-                dtype={name: "int64" if kind is FLAG else kind.pandas for name, kind in kinds.items()},
-                keep_default_na=False,
-                # Only an empty number is a missing one; a bus may be called "NA".
-                na_values={name: [""] for name, kind in kinds.items() if kind not in (TEXT, BYTES)},
-            )
-        else:
-            import_pyarrow()
-            table = pd.read_parquet(path)
-        missing = [name for name in kinds if name not in table.columns]
-        if any(not kinds[name].may_miss for name in missing):
-            raise UsageError(f"{path} has the columns {', '.join(table.columns)}; not a table of bussim")
-        for name in missing:
-            table[name] = "" if kinds[name] in (TEXT, BYTES) else None
-        if path.suffix == ".csv":
-            for name in (name for name, kind in kinds.items() if kind is TEXT):
-                table[name] = table[name].map(from_cell)
-        return table[list(kinds)].astype({name: kind.pandas for name, kind in kinds.items()})
-    except (OSError, ValueError) as error:
-        raise UsageError(f"{path} cannot be read: {error}") from error
+    if path.suffix == ".csv":
+        with plain(path).open("rb") as file:
+            if file.read(1) and file.seek(-1, os.SEEK_END) and file.read() not in b"\r\n":
+                raise ValueError("its last line is cut off")
+        table = pd.read_csv(
+            path,
+            # Flags are 0 and 1 there, which pandas reads as numbers only.
+            dtype={name: "int64" if kind is FLAG else kind.pandas for name, kind in kinds.items()},
+            keep_default_na=False,
+            # Only an empty number is a missing one; a bus may be called "NA".
+            na_values={name: [""] for name, kind in kinds.items() if kind not in (TEXT, BYTES)},
+        )
+    else:
+        table = pd.read_parquet(path)
+    if not table.index.equals(pd.RangeIndex(len(table))):  # a column was taken for the names of rows
+        raise ValueError("its rows have more columns than its heading")
+    missing = [name for name in kinds if name not in table.columns]
+    # An earlier version lacks columns, a later one has others; both at once are renamed ones.
+    renamed = missing and not kinds.keys() >= {*table.columns}
+    if renamed or any(not kinds[name].may_miss for name in missing):
+        found, wanted = ", ".join(map(str, table.columns)), ", ".join(kinds)
+        raise UsageError(f"{path} has the columns {found}; those of such a table are {wanted}")
+    for name in missing:
+        table[name] = "" if kinds[name] in (TEXT, BYTES) else None
+    if path.suffix == ".csv":
+        for name in (name for name, kind in kinds.items() if kind is TEXT):
+            table[name] = table[name].map(from_cell)
+        if "code" in kinds:
+            table["code"] = table["code"].str.zfill(2)  # which a spreadsheet has taken for a number
+    for name in (name for name, kind in kinds.items() if kind is FLAG):
+        if table[name].dtype.kind not in "biu":  # the text "False" is true for pandas
+            raise ValueError(f"its column {name} has {table[name].dtype}, no flags")
+    table = table[list(kinds)].astype({name: kind.pandas for name, kind in kinds.items()})
+    for name, kind in kinds.items():
+        if kind.decimals and table[name].abs().max() == float("inf"):
+            raise ValueError(f"its column {name} has an infinite number")
+    return table
 
 
 def _read_json(path: Path) -> dict[str, Any]:
@@ -144,7 +168,7 @@ def _read_json(path: Path) -> dict[str, Any]:
         size = plain(path).stat().st_size
         if size > _LARGEST:
             raise UsageError(f"{path} has {size:,} bytes, more than any run writes ({_LARGEST:,})")
-        data = _visible(strict_json(path.read_text(encoding="utf-8")))
+        data = _visible(strict_json(path.read_text(encoding="utf-8-sig")))
     except FileNotFoundError:
         raise UsageError(f"{path} is missing: {path.parent} is not the whole folder of a run") from None
     except OSError as error:
@@ -167,7 +191,7 @@ def _visible(data: Any) -> Any:
 
 def _check_schema(path: Path, data: dict[str, Any]) -> None:
     schema = data.get("schema")
-    if not isinstance(schema, int) or schema < 1:
+    if type(schema) is not int or schema < 1:
         raise UsageError(f"{path} is not a file of bussim: schema is {schema!r}")
     if schema > SCHEMA:
         writer = data.get("bussim", "a newer version")

@@ -2,18 +2,21 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
 
 from bussim.commands.report import report
 from bussim.errors import UsageError
 from bussim.results.store.folder import INCOMPLETE
 from bussim.results.store.load import FolderRows, load_run
-from bussim.trace.records import ScanRecord
+from bussim.trace.records import AttemptRecord, InputRecord, ScanRecord
 from bussim.units import TICKS_PER_SECOND
 from tests.results.fakes import Fake
 from tests.results.store.test_folder import write
@@ -131,6 +134,54 @@ def test_damaged_tables(folder: Path, text: str) -> None:
     (folder / "link_scans.csv").write_text(text)
     with pytest.raises(UsageError, match=r"link_scans\.csv"):
         FolderRows(folder).table(ScanRecord)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda text: text[:-3], "its last line is cut off"),
+        (lambda text: text.replace(",0\n", ",99999999999999999999\n"), "Overflow"),
+        (lambda text: text.replace("\nlink,", "\n9,link,"), "its rows have more columns than its heading"),
+        (lambda text: re.sub(r"[0-9]+\.[0-9]+,", "inf,", text), "its column start_s has an infinite number"),
+        (
+            lambda text: text.replace("duration_ms", "duration_ms "),
+            "has the columns .*; those of such a table",
+        ),
+    ],
+)
+def test_tables_that_other_programs_or_a_crash_changed(
+    change: Callable[[str], str], message: str, folder: Path
+) -> None:
+    path = folder / "link_scans.csv"
+    path.write_text(change(path.read_text()))
+    with pytest.raises(UsageError, match=rf"link_scans\.csv .*{message}"):
+        FolderRows(folder).table(ScanRecord)
+
+
+def test_flags_that_became_texts_are_refused(tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow")
+    row = {"time_s": 0.5, "plc": "a", "device": "X0", "level": 1, "sampled_s": 0.6, "seen": "False"}
+    pd.DataFrame([row]).to_parquet(tmp_path / "inputs.parquet")
+    with pytest.raises(UsageError, match=r"inputs\.parquet cannot be read: its column seen has .*, no flags"):
+        FolderRows(tmp_path).table(InputRecord)
+    pd.DataFrame([row | {"seen": True}]).set_index("plc").to_parquet(tmp_path / "inputs.parquet")
+    with pytest.raises(UsageError, match="its rows have more columns than its heading"):
+        FolderRows(tmp_path).table(InputRecord)
+
+
+def test_what_a_spreadsheet_takes_for_a_number_is_a_code(folder: Path) -> None:
+    before = FolderRows(folder).table(AttemptRecord)
+    path = folder / "exchanges.csv"
+    path.write_text(re.sub(r",0([0-9]),", r",\1,", path.read_text()), encoding="utf-8-sig")
+    assert set(before["code"]) >= {"00", "01"}
+    assert FolderRows(folder).table(AttemptRecord).equals(before)
+
+
+def test_json_of_an_editor_on_windows_begins_with_a_mark(folder: Path) -> None:
+    before = load_run(folder)
+    for name in ("summary.json", "histograms.json"):
+        (folder / name).write_text((folder / name).read_text(), encoding="utf-8-sig", newline="\r\n")
+    assert load_run(folder).summary == before.summary
 
 
 def test_a_damaged_trace(folder: Path) -> None:
