@@ -1,6 +1,7 @@
 """Opens a recording by its content."""
 
 import json
+from codecs import BOM_UTF8
 from enum import Enum
 from pathlib import Path
 from typing import assert_never
@@ -14,6 +15,17 @@ from bussim.live.recordings.text import TextFile
 
 #: No header of a trace is longer (bytes).
 _LONGEST_HEADER = 1 << 20
+
+
+#: How files begin that must be unpacked first, and what they are.
+_PACKED = {
+    b"\x1f\x8b": "gzip",
+    b"\xfd7zXZ": "xz",
+    b"BZh": "bzip2",
+    b"\x28\xb5\x2f\xfd": "zstd",
+    b"7z\xbc\xaf": "7z",
+    b"Rar!": "rar",
+}
 
 
 class Kind(Enum):
@@ -32,6 +44,9 @@ def kind_of(path: Path) -> Kind:
             return Kind.TRACE
         with path.open("rb") as file:
             head = file.read(4) + file.readline(_LONGEST_HEADER)
+    packed = next((name for begin, name in _PACKED.items() if head.startswith(begin)), None)
+    if packed is not None:
+        raise RecordingError(f"{path} is compressed by {packed}: unpack it first")
     if head.startswith(b"\n\r\r\n") or head[:4] in PCAP_MAGICS:
         return Kind.PACKETS
     if head.startswith(b"PK"):
@@ -45,6 +60,7 @@ def kind_of(path: Path) -> Kind:
 
 def _is_header(line: bytes) -> bool:
     """Whether a trace begins so: damaged, or written anew with blanks, other orders or line breaks."""
+    line = line.removeprefix(BOM_UTF8)
     if line.startswith(b'{"type":') or line.strip() == b"{":
         return True
     if not line.lstrip().startswith(b"{"):

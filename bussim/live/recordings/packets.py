@@ -18,7 +18,7 @@ from bussim.live.arrival import placed
 from bussim.live.recordings.errors import RecordingError
 from bussim.live.recordings.source import PROGRESS_EVERY, Chunk, Facts, LineSetup, Source
 from bussim.units import TICKS_PER_SECOND
-from bussim.wording import visible
+from bussim.wording import counted, visible
 
 _SECTION = 0x0A0D0D0A
 _INTERFACE, _SIMPLE, _ENHANCED = 1, 3, 6
@@ -52,11 +52,15 @@ class Interface(NamedTuple):
 
 
 class Packet(NamedTuple):
-    """The characters of one packet. ``tick`` is its timestamp, None where it has none."""
+    """The characters of one packet, ``whole`` or only the first ones, as a capture with a snaplen keeps.
+
+    ``tick`` is its timestamp, None where it has none.
+    """
 
     interface: int
     tick: int | None
     data: bytes
+    whole: bool = True
 
 
 class PacketReader:
@@ -111,7 +115,7 @@ class PacketReader:
         self.interfaces = [Interface(link_type, per_second=per_second)]
         self._offset = 24
         while head := self._file.read(16):
-            seconds, part, size = struct.unpack(self._order + "III", head.ljust(16, b"\0")[:12])
+            seconds, part, size, length = struct.unpack(self._order + "IIII", head.ljust(16, b"\0"))
             if size > _LARGEST:
                 raise self._error(f"a packet of {size} bytes")
             data = self._file.read(size)
@@ -119,7 +123,7 @@ class PacketReader:
                 self.cut = True
                 return
             self._offset += 16 + size
-            packet = self._of_interface(0, seconds * per_second + part, data)
+            packet = self._of_interface(0, seconds * per_second + part, data, whole=length <= size)
             if packet is not None:
                 yield packet
 
@@ -192,16 +196,16 @@ class PacketReader:
         if kind == _SIMPLE:
             if len(body) < 4:
                 raise self._error("a packet block that is too short")
-            size = min(struct.unpack(self._order + "I", body[:4])[0], len(body) - 4)
-            return self._of_interface(0, None, body[4 : 4 + size])
+            length = struct.unpack(self._order + "I", body[:4])[0]
+            return self._of_interface(0, None, body[4 : 4 + length], whole=length <= len(body) - 4)
         if len(body) < 20:
             raise self._error("a packet block that is too short")
-        number, high, low, size, _ = struct.unpack(self._order + "IIIII", body[:20])
+        number, high, low, size, length = struct.unpack(self._order + "IIIII", body[:20])
         if size > len(body) - 20:
             raise self._error("a packet that is longer than its block")
-        return self._of_interface(number, high << 32 | low, body[20 : 20 + size])
+        return self._of_interface(number, high << 32 | low, body[20 : 20 + size], whole=length <= size)
 
-    def _of_interface(self, number: int, stamp: int | None, data: bytes) -> Packet | None:
+    def _of_interface(self, number: int, stamp: int | None, data: bytes, *, whole: bool) -> Packet | None:
         if number >= len(self.interfaces):
             raise self._error(f"a packet of interface {number}, which the file does not name")
         interface = self.interfaces[number]
@@ -213,7 +217,7 @@ class PacketReader:
         if stamp is not None:
             tick = (2 * stamp * TICKS_PER_SECOND + interface.per_second) // (2 * interface.per_second)
             tick += interface.offset * TICKS_PER_SECOND
-        return Packet(number, tick, data)
+        return Packet(number, tick, data, whole)
 
 
 class PacketFile(Source):
@@ -255,15 +259,23 @@ class PacketFile(Source):
         The first packet is time 0 in a pcap file, and where times count from 1970.
         """
         marked = self.interface.link_type in _MARKED
-        end, since = 0, None
+        end, since, latest, parts = 0, None, 0, 0
         with self._opened() as file:
             reader = PacketReader(file, str(self._path))
-            for count, (number, tick, data) in enumerate(reader.packets()):
+            for count, (number, tick, data, whole) in enumerate(reader.packets()):
                 if not count % PROGRESS_EVERY:
                     self.progress("reading", file.tell(), self._path.stat().st_size)
                 wire = self._wire(reader, number) if self._channels else 0 if number == self._chosen else -1
                 if wire < 0 or not data:
                     continue
+                parts += not whole
+                if tick is not None and latest - tick > TICKS_PER_SECOND:
+                    before = (latest - tick) / TICKS_PER_SECOND
+                    raise RecordingError(
+                        f"{self._path}: packet {count + 1} is {before:.3f} s before one above it: two "
+                        "captures follow each other, or one is not in order; Wireshark's reordercap sorts it"
+                    )
+                latest = max(latest, tick or 0)
                 if since is None and tick is not None:
                     since = tick if reader.classic or tick > _A_MONTH else 0
                 # A simple packet has no time: right behind the one before.
@@ -276,6 +288,11 @@ class PacketFile(Source):
                     ]
                 end = chars[-1][2]
                 yield Chunk(chars, wire)
+            if parts:
+                self.facts.warnings["cut_packets"] = (
+                    f"{counted(parts, 'packet')} of {count + 1:,} are only the first bytes of frames: the "
+                    "capture kept no more of each (its snaplen)"
+                )
             if reader.cut:
                 self.facts.warnings["cut_file"] = "the file ends inside a packet, which is left out"
 

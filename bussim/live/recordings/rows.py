@@ -188,7 +188,11 @@ def saleae(lines: Iterable[str], heading: list[str]) -> Rows:
             begun = begun or not line.startswith("#")
             yield None
             continue
-        fields = next(csv.reader((line.strip(),)))
+        try:
+            fields = next(csv.reader((line.strip(),)))
+        except csv.Error as error:
+            yield Unreadable(number, str(error))
+            continue
         if "type" in at and len(fields) > at["type"] and fields[at["type"]] != "data":
             yield None
             continue

@@ -231,6 +231,11 @@ class SigrokFile(Source):
             if (match := re.fullmatch(re.escape(self._capture) + r"-(\d{1,9})", name))
         ]
         if numbered:
+            numbers = sorted(number for number, _ in numbered)
+            if numbers != [*range(1, len(numbers) + 1)]:
+                lost = next((at for at, number in enumerate(numbers, 1) if number != at), 0)
+                part = f"{self._capture}-{lost}"
+                raise RecordingError(f"{self._name}: {part} is missing, or a part is there twice")
             return [name for _, name in sorted(numbered)]
         if self._capture in names:
             return [self._capture]

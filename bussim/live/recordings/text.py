@@ -167,6 +167,8 @@ class TextFile(Source):
                 lost = False
         if batch:
             yield Chunk(batch, wire)
+        if not readable and not facts.unreadable_lines:
+            raise RecordingError(f"{self._path} has no line with bytes; readable are {FORMS}")
         if facts.unreadable_lines > readable:
             first = "; ".join(facts.unreadable)
             raise RecordingError(

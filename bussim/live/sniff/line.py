@@ -153,8 +153,8 @@ def _readings(source: Source, settings: Settings, tolerance: int, limit: int) ->
     given = PROTOCOLS.get(source.interface.link_type) if isinstance(source, PacketFile) else None
     commas = [True, False] if isinstance(source, TextFile) and source.decimal_comma else [False]
     protocols = [LineProtocol(given)] if given else list(LineProtocol)
-    errors: list[RecordingError] = []
     for protocol in [settings.protocol] if settings.protocol else protocols:
+        errors: list[RecordingError] = []
         for comma in commas:
             timing = settings.timing(protocol, rate_of(source))
             setup = settings.setup(timing, settings.channels, decimal_comma=comma)
