@@ -57,6 +57,21 @@ def written(folder: Path, text: str = TEXT, *, export: str = "GX Works2") -> str
     return str(folder / "s.yaml")
 
 
+def test_the_heading_says_which_column_has_the_devices(tmp_path: Path) -> None:
+    path = Path(written(tmp_path))
+    rows = ["No,Comment,Device", "1,release,M7500", "2,door,X0", ""]
+    (tmp_path / "names.csv").write_text("\n".join(rows))
+    assert load(path).plcs[0].comments == {"M7500": "release", "X0": "door"}
+
+
+def test_a_file_without_a_comment_of_these_devices_is_warned_of(tmp_path: Path) -> None:
+    path = Path(written(tmp_path))
+    (tmp_path / "names.csv").write_text("Device,Comment\nQ4,other\n")
+    loaded = load(path)
+    assert loaded.plcs[0].comments == {}
+    assert any("has no comment of a device that this PLC has" in each for each in loaded.warnings)
+
+
 @pytest.mark.parametrize("export", EXPORTS)
 def test_an_export_of_any_tool_names_devices(tmp_path: Path, export: str) -> None:
     (plc,) = load(written(tmp_path, export=export)).plcs

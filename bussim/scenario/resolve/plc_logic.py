@@ -141,6 +141,8 @@ def _comments(
         report.error(
             _inner(path, "file", report), say("file_no_comments", name=shorten(name), kind=found.kind)
         )
+    elif not found.comments:
+        report.warn(_inner(path, "file", report), say("file_comments_none", name=shorten(name)))
     kept = dict(list((found.comments or {}).items())[:MAX_COMMENTS])
     if len(kept) < len(found.comments or {}):
         text = say("file_comments", max_comments=MAX_COMMENTS)

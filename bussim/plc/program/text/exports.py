@@ -70,7 +70,7 @@ def listing(text: str, *, family: Family = Family.FX3U) -> Listing:
     if "comment" in where or (not named and _are_comments(filled)):
         return Listing(
             say("export_comments", words=words),
-            comments=_comments(rows[head:], where.get("comment"), family=family),
+            comments=_comments(rows[head:], where.get("comment"), where.get("name", 0), family=family),
         )
     wide = sum(len(row) > 4 or line.startswith('"') for row, line in zip(rows, lines, strict=True) if row)
     if "instruction" not in where and (2 * wide < len(filled) or not named):
@@ -119,7 +119,7 @@ def _heading(rows: list[list[_Cell]]) -> tuple[int, dict[str, int]]:
         if "instruction" in where and len(row) > 2:
             return number + 1, {name: where[name] for name in where.keys() - {"comment", "name"}}
         if "comment" in where and "name" in where:
-            return number + 1, {"comment": where["comment"]}
+            return number + 1, {name: where[name] for name in ("comment", "name")}
     return 0, {}
 
 
@@ -128,14 +128,15 @@ def _are_comments(filled: list[list[_Cell]]) -> bool:
     return 0 < len(filled) <= 2 * devices
 
 
-def _comments(rows: list[list[_Cell]], at: int | None, *, family: Family) -> dict[str, str]:
-    """By the device's plain name; where no heading names the column, the last that has a text."""
+def _comments(rows: list[list[_Cell]], at: int | None, name: int, *, family: Family) -> dict[str, str]:
+    """By the device's plain name; where no heading names the column ``at``, the last that has a text."""
     found = {}
     for row in rows:
         texts = [cell.text for cell in row]
         comment = texts[at] if at is not None and at < len(texts) else next(filter(None, texts[:0:-1]), "")
         try:
-            found[str(parse_device(texts[0].upper(), observed=True, family=family))] = comment
+            device = "".join(texts[name : name + 1]).upper()
+            found[str(parse_device(device, observed=True, family=family))] = comment
         except ValueError:
             continue  # a heading, or a device that the PLC lacks
     printable = {name: "".join(filter(str.isprintable, text))[:200].strip() for name, text in found.items()}
