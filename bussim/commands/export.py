@@ -56,10 +56,10 @@ def command(
 
     Needs a run with --trace. Prints the file, and how the tool that opens it is set up.
     """
-    from bussim.commands.common.output import busy, checked_target, traced_again
+    from bussim.commands.common.output import busy, checked_target, traced_again, whole_trace
     from bussim.export.formats import export_trace
     from bussim.results.store.load import load_run
-    from bussim.trace.file import TRACE, read_trace
+    from bussim.trace.file import TRACE
 
     if encap is not None and fmt != "pcapng":
         raise UsageError(f"--encap goes with --to pcapng, not with {fmt}")
@@ -71,7 +71,7 @@ def command(
         if folder.is_dir() and not (folder / TRACE).is_file():
             load_run(folder)  # raises UsageError for a folder that is not a run's
             raise UsageError(f"{folder} has no trace to export; get one with {traced_again(folder)}")
-    trace = read_trace(folder)
+    trace = whole_trace(folder)
     path = _default(folder, fmt, trace, bus) if out is None else Path(out)
     target = checked_target(path, [FORMATS[fmt].ending], force=force)
     with busy(f"writing {target}"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 
 #: A scenario is no larger (bytes).
 _LARGEST = 4 * 1024 * 1024
+#: What a page does not show: no scenario that can be read has them.
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 #: Most runs on one axis and in one table.
 _MOST_RUNS = 7
 
@@ -107,11 +110,11 @@ def _target(folders: Sequence[Path], out: str | os.PathLike[str] | None) -> Path
 def _source(
     folder: Path, record: RunRecord, label: str, *, shapes: int, exact: bool, allow_code: bool
 ) -> Source:
-    from bussim.commands.common.output import traced_again
+    from bussim.commands.common.output import traced_again, whole_trace
     from bussim.report.runs import Source
     from bussim.report.scene import worst_scenes
     from bussim.report.tables import turnarounds_of
-    from bussim.trace.file import TRACE, read_trace
+    from bussim.trace.file import TRACE
     from bussim.trace.records import AttemptRecord
     from bussim.wording import shell_word
 
@@ -128,7 +131,7 @@ def _source(
     scenes: dict[str, Scene] = {}
     no_trace = ""
     if (folder / TRACE).is_file():
-        trace = read_trace(folder)
+        trace = whole_trace(folder)
         turnarounds = turnarounds_of(trace.of(AttemptRecord))
         scenes = worst_scenes(trace, record, [bus.name for bus in trace.header.buses], shapes)
         draw = f"bussim timeline {shell_word(folder)} --worst"
@@ -142,12 +145,14 @@ def _source(
 
 def _scenario(folder: Path) -> str:
     from bussim.results.store.folder import SCENARIO
+    from bussim.wording import visible
 
     path = folder / SCENARIO
     try:
         if plain(path).stat().st_size > _LARGEST:
             raise UsageError(f"{path} is larger than any scenario ({_LARGEST:,} bytes)")
-        return path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
+        return _CONTROL.sub(lambda found: visible(found[0]), text)
     except FileNotFoundError:
         raise UsageError(f"{path} is missing: {folder} is not the whole folder of a run") from None
     except (OSError, UnicodeDecodeError) as error:

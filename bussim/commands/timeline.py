@@ -50,21 +50,21 @@ def command(
     run with --trace. Prints the path of the picture.
     """
     from bussim.api import drawn_bus
-    from bussim.commands.common.output import busy, checked_target, traced_again
+    from bussim.commands.common.output import busy, checked_target, traced_again, whole_trace
     from bussim.report.picture import timeline_picture
     from bussim.report.scene import scene_of
     from bussim.report.trace_window import read_window
     from bussim.results.store.load import load_run
     from bussim.results.store.safe_names import file_names
     from bussim.results.text.run import caption_of
-    from bussim.trace.file import TRACE, read_trace
+    from bussim.trace.file import TRACE
     from bussim.units import seconds
 
     folder = Path(run)
     record = load_run(folder)
     if not (folder / TRACE).is_file():
         raise UsageError(f"{folder} has no trace to draw; get one with {traced_again(folder)}")
-    trace = read_trace(folder)
+    trace = whole_trace(folder)
     buses = [each.name for each in trace.header.buses]
     name = drawn_bus(record, buses, bus)
     with busy(f"looking for the longest scan in {folder / TRACE}"):

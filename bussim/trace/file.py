@@ -203,7 +203,8 @@ class _File:
 
     def records(self, kinds: Collection[type[Record]] | None) -> Iterator[Record]:
         # Lines in which the type stands first, as they are written, need not be parsed where it is another.
-        starts = None if kinds is None else tuple(f'{_TYPE_FIRST}{type_of(kind)}"' for kind in kinds)
+        names = () if kinds is None else ("trace", *map(type_of, kinds))
+        starts = None if kinds is None else tuple(f'{_TYPE_FIRST}{name}"' for name in names)
         number = 1
         with self._open() as file:
             try:
@@ -223,7 +224,10 @@ class _File:
                 raise UsageError(f"{self._path} cannot be read: {error.strerror or error}") from error
 
     def _record(self, text: str, kinds: Collection[type[Record]] | None) -> Record | None:
-        record = from_line(_parsed(text), self._buses)
+        line = _parsed(text)
+        if line.get("type") == "trace":
+            raise ValueError("begins another trace; a file holds one")
+        record = from_line(line, self._buses)
         if kinds is None or type(record) in kinds:
             return record
         if text.startswith(_TYPE_FIRST):
@@ -238,7 +242,7 @@ class _File:
 
     def _open(self) -> TextIO:
         try:
-            return plain(self._path).open(encoding="utf-8")
+            return plain(self._path).open(encoding="utf-8-sig")
         except FileNotFoundError:
             raise UsageError(f"{self._path} does not exist") from None
 

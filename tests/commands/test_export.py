@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -35,6 +36,21 @@ def said(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[in
     code = main(["export", *map(str, arguments)])
     found = capsys.readouterr()
     return code, found.out, found.err
+
+
+def test_where_a_trace_is_cut_off_is_said(
+    runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = shutil.copytree(runs / "traced", tmp_path / "cut")
+    trace = folder / "trace.jsonl"
+    trace.write_bytes(trace.read_bytes()[: trace.stat().st_size // 2])
+    cut = "the trace was not written to its end, and is read as far as it goes"
+    code, _, error = said(capsys, folder, "--to", "csv")
+    assert (code, error) == (0, f"warning: {folder}: {cut}\n")
+    assert main(["report", str(folder), "--no-exact", "--lang", "zh"]) == 0
+    assert capsys.readouterr().err == f"警告：{folder}: 跟踪记录没有写完，只读到中断处\n"
+    assert main(["timeline", str(folder)]) == 0
+    assert cut in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("fmt", "name"), FILES.items())

@@ -107,6 +107,14 @@ def test_a_scenario_that_cannot_be_read_costs_the_law_only(
     assert "There is no exact law, since the scenario in the folder cannot be read" in text
 
 
+def test_what_a_page_must_not_hold_stands_in_escapes(runs: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(runs / "plain", tmp_path / "run")
+    (folder / "scenario.yaml").write_text("\ufeffname: \x1b]0;a\x07\n\0", encoding="utf-8")
+    assert main(["report", str(folder), "--no-exact"]) == 0
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "<code>name: \\x1b]0;a\\x07\n\\x00</code>" in page
+
+
 def test_several_runs_are_compared(runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = page(capsys, *(runs / name for name in ("traced", "plain", "twice")), "-o", tmp_path / "a.html")
     assert "3 runs compared" in text

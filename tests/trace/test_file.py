@@ -227,6 +227,20 @@ def test_lines_of_a_later_version_are_passed_over(tmp_path: Path) -> None:
     assert list(read_trace(path)) == [CYCLE]
 
 
+def test_a_mark_at_its_beginning_is_no_part_of_a_file(tmp_path: Path) -> None:
+    path = written(tmp_path / TRACE, [CYCLE])
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert list(read_trace(path)) == [CYCLE]
+
+
+@pytest.mark.parametrize("kinds", [(), (FrameRecord,)])
+def test_two_traces_behind_each_other_are_refused(kinds: tuple[type[Record], ...], tmp_path: Path) -> None:
+    path = written(tmp_path / TRACE, [CYCLE])
+    path.write_bytes(path.read_bytes() * 2)
+    with pytest.raises(UsageError, match=r"trace\.jsonl:3: is not a line of a trace: begins another trace"):
+        list(read_trace(path).records(*kinds))
+
+
 def test_a_file_that_another_program_wrote_anew_has_the_same_records(tmp_path: Path) -> None:
     frame = FrameRecord("link", 1, 2, "press1", "poll", 1, 0, b"x", (), {}, False, False)
     path = written(tmp_path / TRACE, [frame, CYCLE, frame])

@@ -14,10 +14,12 @@ import click
 
 from bussim.errors import UsageError
 from bussim.files import not_written, written_whole
-from bussim.wording import shell_word
+from bussim.wording import shell_word, visible
+from bussim.words.language import said_text
 
 if TYPE_CHECKING:
     from bussim.scenario.model import Scenario
+    from bussim.trace.file import Trace
 
 
 def print_json(data: Any, *, indent: int = 2) -> None:
@@ -97,6 +99,17 @@ def traced_again(folder: Path) -> str:
     from bussim.results.store.folder import SCENARIO
 
     return f"bussim run {shell_word(folder / SCENARIO)} --trace --out NEW_DIR"
+
+
+def whole_trace(path: Path) -> Trace:
+    """The trace in a file or a run's folder; a warning on standard error says where it is cut off."""
+    from bussim.trace.file import read_trace
+
+    trace = read_trace(path)
+    if trace.is_cut:
+        text = f"{visible(str(path))}: {said_text('trace_cut_off')}"
+        click.echo(said_text("run_warning", text=text), err=True)
+    return trace
 
 
 def write_text(path: Path, text: str) -> None:

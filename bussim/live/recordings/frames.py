@@ -11,6 +11,7 @@ from bussim.live.recordings.source import PROGRESS_EVERY, Chunk, Facts, LineSetu
 from bussim.trace.file import Trace, read_trace
 from bussim.trace.levels import characters_of, disputed_of, is_plain
 from bussim.trace.records import FrameRecord, TraceBus
+from bussim.words.language import say
 
 #: A trace has frames in the order in which they ended; so many may begin before one that is recorded earlier.
 _LATE = 256
@@ -28,9 +29,7 @@ class TraceFile(Source):
         header = trace.header
         self.facts = Facts()
         if trace.is_cut:
-            self.facts.warnings["cut_file"] = (
-                "the trace was not written to its end, and is read as far as it goes"
-            )
+            self.facts.warnings["cut_file"] = say("trace_cut_off")
         self.begin, self.resolution = 0, 1
         self.exact, self.tolerant = header.exact, not header.exact
         self.times = "exact" if header.exact else "system"
