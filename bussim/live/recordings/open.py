@@ -43,11 +43,13 @@ def kind_of(path: Path) -> Kind:
         if path.is_dir():
             return Kind.TRACE
         with path.open("rb") as file:
-            head = file.read(4) + file.readline(_LONGEST_HEADER)
+            begin = file.read(4)
+            file.seek(0)
+            head = file.readline(_LONGEST_HEADER)
     packed = next((name for begin, name in _PACKED.items() if head.startswith(begin)), None)
     if packed is not None:
         raise RecordingError(f"{path} is compressed by {packed}: unpack it first")
-    if head.startswith(b"\n\r\r\n") or head[:4] in PCAP_MAGICS:
+    if begin == b"\n\r\r\n" or begin in PCAP_MAGICS:
         return Kind.PACKETS
     if head.startswith(b"PK"):
         return Kind.SIGROK
