@@ -14,6 +14,7 @@ from bussim.commands.common.drawing import import_matplotlib
 from bussim.commands.common.output import check_pictures, made_folder, print_files
 from bussim.commands.common.scenario_options import lang_option
 from bussim.errors import UsageError
+from bussim.wording import visible
 
 if TYPE_CHECKING:
     from bussim.results.plots.style import Picture
@@ -185,7 +186,7 @@ def _pictures(
 
 def _labels(folders: Sequence[Path]) -> list[str]:
     """The folders' names, or their paths where names are equal."""
-    names = [folder.resolve().name for folder in folders]
+    names = [visible(folder.resolve().name) for folder in folders]
     if len(set(names)) == len(names):
         return names
     paths = [str(folder.resolve()) for folder in folders]

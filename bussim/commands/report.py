@@ -78,6 +78,7 @@ def report(
     from bussim.report.page import labels_of, report_page
     from bussim.report.scene import MOST_SHAPES
     from bussim.results.store.load import load_run
+    from bussim.wording import visible
 
     if not 1 <= len(runs) <= _MOST_RUNS:
         many = f"{len(runs)} runs on one page cannot be distinguished; at most {_MOST_RUNS}"
@@ -89,7 +90,7 @@ def report(
             raise UsageError(f"{folder} is named twice")
     records = [load_run(folder) for folder in folders]
     target = checked_target(_target(folders, out), (".html", ".htm"), force=force)
-    labels = labels_of([whole.name for whole in resolved], records)
+    labels = labels_of([visible(whole.name) for whole in resolved], records)
     shapes = MOST_SHAPES // len(folders)
     sources = [
         _source(folder, record, label, shapes=shapes, exact=exact, allow_code=allow_code)

@@ -177,7 +177,8 @@ def write_parquet(path: Path, table: Table) -> bool:
     except UsageError:
         return False
     arrays = {name: pyarrow.array(values, type=_type(values, pyarrow)) for name, values in table.items()}
-    parquet.write_table(pyarrow.table(arrays), path)
+    with path.open("wb") as file:  # pyarrow opens no path that is no text
+        parquet.write_table(pyarrow.table(arrays), file)
     return True
 
 

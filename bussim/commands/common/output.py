@@ -113,9 +113,12 @@ def whole_trace(path: Path) -> Trace:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file beside its target and move it there; raises as :func:`bussim.files.written_whole`."""
+    """Write a file beside its target and move it there; raises as :func:`bussim.files.written_whole`.
+
+    Of a name of a file that is no text here, as one in GBK, bytes stand in escapes.
+    """
     with written_whole(path) as part:
-        part.write_text(text, encoding="utf-8", newline="\n")
+        part.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
 
 
 def print_or_write(text: str, out: str | None, endings: Sequence[str], *, force: bool, as_json: bool) -> None:

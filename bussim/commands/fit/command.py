@@ -75,6 +75,7 @@ def command(
     from bussim.commands.fit.recording import simulate as simulated_of
     from bussim.commands.fit.show import compared, show, to_json
     from bussim.commands.fit.warnings import carried, difference, warnings_of
+    from bussim.wording import visible
 
     if not is_recording(trace):
         raise UsageError(f"{trace} is no file and no folder; record a line first: bussim sniff URL --out DIR")
@@ -87,7 +88,7 @@ def command(
     scenario = scenario_of(
         fitted,
         base,
-        name=f"fitted to {Path(trace).stem}",
+        name=f"fitted to {visible(Path(trace).stem)[:150]}",
         seed=seed,
         longest=longest,
         warnings=to_carry,

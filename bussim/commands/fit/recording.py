@@ -25,7 +25,7 @@ from bussim.live.sniff.listener import Listener
 from bussim.live.sniff.reading import Settings
 from bussim.results.collector import Collector
 from bussim.units import TICKS_PER_MS, seconds
-from bussim.wording import counted
+from bussim.wording import counted, visible
 
 if TYPE_CHECKING:
     from bussim.results.run_record import RunRecord
@@ -108,7 +108,7 @@ def fit(
     if listener.decoder.frames >= _MOST_FRAMES:
         part = f"first {_MOST_FRAMES:,} frames, {seconds(duration):,.0f} s"
         warnings["too_long"] = f"the estimates are of its {part}: what follows is left out"
-    where = Path(source).resolve().name[:150]
+    where = visible(Path(source).resolve().name)[:150]
     if isinstance(line.source, TraceFile) and line.source.header.seed is not None:
         where += " (a simulation)"
     return Fitted(

@@ -137,7 +137,8 @@ def _read_table(path: Path, kinds: Mapping[str, Kind]) -> pd.DataFrame:
             na_values={name: [""] for name, kind in kinds.items() if kind not in (TEXT, BYTES)},
         )
     else:
-        table = pd.read_parquet(path)
+        with plain(path).open("rb") as file:
+            table = pd.read_parquet(file)
     if not table.index.equals(pd.RangeIndex(len(table))):  # a column was taken for the names of rows
         raise ValueError("its rows have more columns than its heading")
     missing = [name for name in kinds if name not in table.columns]

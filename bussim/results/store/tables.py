@@ -148,7 +148,8 @@ class ParquetTable:
         self._schema = pyarrow.schema(
             [(name, getattr(pyarrow, kind.arrow)()) for name, kind in kinds.items()]
         )
-        self._writer = parquet.ParquetWriter(path, self._schema)
+        self._file = path.open("wb")  # pyarrow opens no path that is no text
+        self._writer = parquet.ParquetWriter(self._file, self._schema)
         self._rows: list[Row] = []
 
     def append(self, row: Row) -> None:
@@ -168,7 +169,8 @@ class ParquetTable:
             if self._rows:
                 self._flush()
         finally:
-            self._writer.close()
+            with self._file:
+                self._writer.close()
 
     def _flush(self) -> None:
         values = dict(zip(self._kinds, zip(*self._rows, strict=True), strict=True))
