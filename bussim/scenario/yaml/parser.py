@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice, takewhile
 from typing import TYPE_CHECKING, Any
 
@@ -129,7 +129,7 @@ def _document(text: str, file: str, problems: list[Problem]) -> _Node | None:
             error, root = None, _Reader(file, mended, found).document()
         except Trouble as stop:
             error = _stopped(mended.text) or stop
-        if error is None or not mended.mend(error, _stopped):
+        if error is None or not mended.mend(error, partial(_stopped, worded=False)):
             break
     if error is None or _SCHEMA.search(mended.text):  # else it is some other text, and its repairs guesswork
         problems += [Problem(file, *mark, message) for mark, message in mended.mistakes]
@@ -139,15 +139,16 @@ def _document(text: str, file: str, problems: list[Problem]) -> _Node | None:
     return root
 
 
-def _stopped(text: str, *, again: bool = True) -> Trouble | None:
-    """What stops the reading of a text, None for nothing."""
+def _stopped(text: str, *, again: bool = True, worded: bool = True) -> Trouble | None:
+    """What stops the reading of a text, None for nothing; where it is not worded, in a tenth of the time."""
     try:
-        _Reader("", Mended(text), []).document()
+        _Reader("", Mended(text), [], worded=worded).document()
     except Trouble as found:
         if again and found.mark[0] > 1:
             # The parser looks ahead: its complaint may hide one of the lines before.
-            start = [match.end() for match in LINE_END.finditer(text)][found.mark[0] - 2]
-            earlier = _stopped(text[:start], again=False)
+            starts = [0, *(match.end() for match in LINE_END.finditer(text))]
+            start = starts[min(found.mark[0], len(starts)) - 1]
+            earlier = _stopped(text[:start], again=False, worded=worded)
             if earlier is not None and "stream" not in earlier.message:
                 return earlier
         return found
@@ -161,7 +162,7 @@ def _mark_at(text: str, position: int) -> Mark:
     return before.count("\n") + 1, position - (text[:position].replace("\r", "\n").rfind("\n") + 1) + 1
 
 
-def _events(text: str, file: str) -> Iterator[Event]:
+def _events(text: str, file: str, *, worded: bool) -> Iterator[Event]:
     """The parser's events, with its complaints turned into ours."""
     plain = text.replace("\n", "").isprintable()  # to compile such a pattern takes 5 ms
     if not plain and (strange := re.search(_UNPRINTABLE, text)):
@@ -176,10 +177,14 @@ def _events(text: str, file: str) -> Iterator[Event]:
         # libyaml, where it is there, takes a tenth of the time; the other parser, which refuses more tabs,
         # words what is refused.
         if yaml.__with_libyaml__ and "\t" not in text:
-            with suppress(yaml.YAMLError):
+            try:
                 for event in yaml.parse(text, Loader=yaml.CSafeLoader):
                     given += 1
                     yield event
+            except yaml.YAMLError:
+                if not worded:
+                    raise
+            else:
                 return
         yield from islice(yaml.parse(text, Loader=yaml.SafeLoader), given, None)
     except yaml.MarkedYAMLError as error:
@@ -211,12 +216,12 @@ def _complaint(error: object) -> str:
 class _Reader:
     """Makes nodes of the parser's events, within the bounds; ``problems`` takes the mistakes found."""
 
-    def __init__(self, file: str, mended: Mended, problems: list[Problem]) -> None:
+    def __init__(self, file: str, mended: Mended, problems: list[Problem], *, worded: bool = True) -> None:
         self._file = file
         self._mended = mended
         self._lines = LINE_END.split(mended.text)
         self._problems = problems
-        self._events = _events(mended.text, file)
+        self._events = _events(mended.text, file, worded=worded)
         self._anchors: dict[str | None, _Node | None] = {}  # None: still being read
         self._count = 0
         self._flow = 0  # braces and brackets that are open

@@ -1,12 +1,14 @@
 """What was probably meant where a text is no YAML: repairs with which the parser reads on.
 
 The parser decides. Of the repairs that the lines around its complaint suggest, the one counts that lets
-it read farthest, and what that one mends is the mistake. Every repair changes one line of the text.
+it read farthest, and what that one mends is the mistake. Every repair changes one line of the text, and
+where that line is indented by tabs all lines below that are indented so.
 """
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 
 from bussim.wording import plain_form, shorten
 from bussim.words.language import say
@@ -97,8 +99,10 @@ class Mended:
 
         ``read`` returns what stops it in another text, None for nothing.
         """
+        if len(self.mistakes) >= _MOST_MISTAKES:
+            return False
         lines, ends = LINE_END.split(self.text), [*LINE_END.findall(self.text), ""]
-        farthest, best, better = _reach(lines, trouble), None, ""
+        farthest, best = _reach(lines, read(self.text)), None
         for repair in _repairs(lines, trouble):
             if repair is None and best is not None:
                 break
@@ -107,23 +111,34 @@ class Mended:
             number, line, column, _ = repair
             if len(line) < len(lines[number]) and (number + 1, column) > trouble.mark:
                 continue  # less text behind the place is no progress
-            changed = [*lines[:number], line, *lines[number + 1 :]]
-            text = "".join(line + end for line, end in zip(changed, ends, strict=True))
+            repairs = [repair, *islice(_alike(lines, repair), _MOST_MISTAKES - len(self.mistakes) - 1)]
+            changed = _changed(lines, repairs)
+            text = _joined(changed, ends)
             found = read(text)
             self._tried += len(text) if found is None else sum(map(len, lines[: found.mark[0]]))
             if (reach := _reach(changed, found)) > farthest:
-                farthest, best, better = reach, repair, text
+                farthest, best = reach, repairs
             if found is None or self._tried > _MOST_TRIED:
                 break
-        if best is None or len(self.mistakes) == _MOST_MISTAKES:
+        if best is None:
             return False
-        number, line, column, message = best
         if "twice" in trouble.message:
-            message = say("mend_and", known=trouble.message, what=message)
-        self.mistakes.append((self.original((number + 1, column)), message))
-        self._changes.append((number + 1, column, len(line) - len(lines[number])))
-        self.text = better
+            best[0] = (*best[0][:3], say("mend_and", known=trouble.message, what=best[0][3]))
+        taken = [best[0], *(each for each in best[1:] if each[0] + 1 < farthest[0])]
+        for number, line, column, message in taken:
+            self.mistakes.append((self.original((number + 1, column)), message))
+            self._changes.append((number + 1, column, len(line) - len(lines[number])))
+        self.text = _joined(_changed(lines, taken), ends)
         return True
+
+
+def _changed(lines: Sequence[str], repairs: Iterable[_Repair]) -> list[str]:
+    changed = {number: line for number, line, _, _ in repairs}
+    return [changed.get(number, line) for number, line in enumerate(lines)]
+
+
+def _joined(lines: Sequence[str], ends: Sequence[str]) -> str:
+    return "".join(line + end for line, end in zip(lines, ends, strict=True))
 
 
 def _reach(lines: Sequence[str], trouble: Trouble | None) -> tuple[int, int]:
@@ -138,13 +153,39 @@ def _repairs(lines: Sequence[str], trouble: Trouble) -> Iterator[_Repair | None]
     above = [number for number in range(here - 1, max(-1, here - _MOST_ABOVE), -1) if lines[number].strip()]
     causes = [number for number in above if _CAUSE.match(lines[number])]
     near = sorted({trouble.begun[0] - 1, *causes[:1], *above[:1], here} & set(range(len(lines))))
+    indented = (
+        repair
+        for number in (here, *above[:1])
+        for repair in _indented(number, [lines[other] for other in above], lines[number])
+    )
+    if lines[here].startswith("\t"):
+        yield from indented
+        yield None
     for step in (_lookalikes, _glued, _by_rules):
         for number in near:
             yield from step(number, lines[number])
         if step is not _by_rules:
             yield None
-    for number in (here, *above[:1]):
-        yield from _indented(number, [lines[other] for other in above], lines[number])
+    yield from indented
+
+
+def _alike(lines: Sequence[str], repair: _Repair) -> Iterator[_Repair]:
+    """The same for lines below where it puts blanks for tabs that indent a line: as many for each tab."""
+    first, new, column, message = repair
+    tabs, blanks = _lead(lines[first])
+    width, rest = divmod(_lead(new)[1] - blanks, tabs or 1)
+    if not tabs or _lead(new)[0] or rest or width < 0:
+        return
+    for number, line in enumerate(lines[first + 1 :], first + 1):
+        tabs, blanks = _lead(line)
+        if tabs and line.strip():
+            yield number, " " * (width * tabs + blanks) + line.lstrip(), column, message
+
+
+def _lead(line: str) -> tuple[int, int]:
+    """The tabs and blanks that indent a line."""
+    lead = line[: len(line) - len(line.lstrip(" \t"))]
+    return lead.count("\t"), lead.count(" ")
 
 
 def _lookalikes(number: int, line: str) -> Iterator[_Repair]:

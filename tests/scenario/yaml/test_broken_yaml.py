@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from bussim.scenario.yaml import parser
 from tests.scenario.samples import BASE, added, changed, mistakes
 
 CASES: dict[str, tuple[str, list[str]]] = {
@@ -124,3 +125,17 @@ CASES: dict[str, tuple[str, list[str]]] = {
 @pytest.mark.parametrize(("text", "expected"), CASES.values(), ids=CASES.keys())
 def test_the_message_says_what_where_and_what_is_allowed(text: str, expected: list[str]) -> None:
     assert mistakes(text) == expected
+
+
+@pytest.mark.parametrize(("first", "second"), [("\t-", "\t  "), ("\t-", "\t\t"), ("\t\t-", "\t\t\t")])
+def test_lines_that_tabs_indent_are_mended_together(
+    first: str, second: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each was mended by itself, in several readings of the whole: a long text took minutes."""
+    readings = []
+    monkeypatch.setattr(parser, "_stopped", lambda *given, real=parser._stopped, **more: readings.append(0) or real(*given, **more))  # fmt: skip
+    text = "plcs:\n" + "".join(f"{first} name: plc{n}\n{second}scan: 8 ms\n" for n in range(20))
+    data, _, problems = parser.read(f"schema: 1\n{text}", "x.yaml")
+    assert data == {"schema": 1, "plcs": [{"name": f"plc{n}", "scan": "8 ms"} for n in range(20)]}
+    assert [(each.line, each.column) for each in problems] == [(line, 1) for line in range(3, 43)]
+    assert len(readings) <= 20
