@@ -132,7 +132,7 @@ def _source(
     scenes: dict[str, Scene] = {}
     no_trace = ""
     if (folder / TRACE).is_file():
-        trace = whole_trace(folder)
+        trace = whole_trace(folder, record)
         turnarounds = turnarounds_of(trace.of(AttemptRecord))
         scenes = worst_scenes(trace, record, [bus.name for bus in trace.header.buses], shapes)
         draw = f"bussim timeline {shell_word(folder)} --worst"

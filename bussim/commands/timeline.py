@@ -64,7 +64,7 @@ def command(
     record = load_run(folder)
     if not (folder / TRACE).is_file():
         raise UsageError(f"{folder} has no trace to draw; get one with {traced_again(folder)}")
-    trace = whole_trace(folder)
+    trace = whole_trace(folder, record)
     buses = [each.name for each in trace.header.buses]
     name = drawn_bus(record, buses, bus)
     with busy(f"looking for the longest scan in {folder / TRACE}"):

@@ -162,7 +162,7 @@ def _checked(text: str, head: Sequence[str], rows: int) -> Table:
 def _parsed(text: str) -> Cell:
     if not text:
         return None
-    for kind in (int, float):
+    for kind in (int, float) if "_" not in text else ():  # Python would read 1_0 as a number
         try:
             return kind(text)
         except ValueError:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -51,6 +52,19 @@ def test_where_a_trace_is_cut_off_is_said(
     assert capsys.readouterr().err == f"警告：{folder}: 跟踪记录没有写完，只读到中断处\n"
     assert main(["timeline", str(folder)]) == 0
     assert cut in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["report", "timeline"])
+def test_a_trace_of_another_run_is_refused(
+    command: str, runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = shutil.copytree(runs / "traced", tmp_path / "mixed")
+    trace = folder / "trace.jsonl"
+    trace.write_text(re.sub('"seed":[0-9]+', '"seed":77', trace.read_text(), count=1))
+    assert main([command, str(folder)]) == 2
+    assert re.search(
+        r"trace\.jsonl is of another run: of '.*' with seed 77; the folder has", capsys.readouterr().err
+    )
 
 
 @pytest.mark.parametrize(("fmt", "name"), FILES.items())

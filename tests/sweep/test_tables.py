@@ -117,6 +117,7 @@ def test_a_table_is_the_same_when_it_is_read_again(tmp_path: Path) -> None:
         (lambda raw: raw[-1:], "its columns begin with"),
         (lambda raw: raw.replace(b",", b";"), r"its columns begin with \['point;x'\], not with \['point'\]"),
         (lambda raw: raw.replace(b"0.25", b'"0,25"'), "its column x has '0,25', no number"),
+        (lambda raw: raw.replace(b"0.25", b"1_0"), "its column x has '1_0', no number"),
         (lambda raw: raw.replace(b"0.25", b"nan"), "its column x has nan, no number"),
         (lambda raw: raw.replace(b"0.25", b"1e999"), "its column x has inf, no number"),
         (lambda raw: raw.replace(b"0.25", b"0.25,"), "row 2 has 3 columns, its heading 2"),

@@ -18,6 +18,7 @@ from bussim.wording import shell_word, visible
 from bussim.words.language import said_text
 
 if TYPE_CHECKING:
+    from bussim.results.run_record import RunRecord
     from bussim.scenario.model import Scenario
     from bussim.trace.file import Trace
 
@@ -101,11 +102,19 @@ def traced_again(folder: Path) -> str:
     return f"bussim run {shell_word(folder / SCENARIO)} --trace --out NEW_DIR"
 
 
-def whole_trace(path: Path) -> Trace:
-    """The trace in a file or a run's folder; a warning on standard error says where it is cut off."""
-    from bussim.trace.file import read_trace
+def whole_trace(path: Path, record: RunRecord | None = None) -> Trace:
+    """The trace in a file or a run's folder; a warning on standard error says where it is cut off.
+
+    Raises UsageError where the folder's record is of another run than its trace.
+    """
+    from bussim.trace.file import TRACE, read_trace
 
     trace = read_trace(path)
+    if record is not None and trace.header.seed is not None:
+        runs = [(each["scenario"], each["seed"]) for each in (trace.header._asdict(), record.summary)]
+        if runs[0] != runs[1]:
+            found, kept = (f"{visible(str(name))!r} with seed {seed}" for name, seed in runs)
+            raise UsageError(f"{path / TRACE} is of another run: of {found}; the folder has {kept}")
     if trace.is_cut:
         text = f"{visible(str(path))}: {said_text('trace_cut_off')}"
         click.echo(said_text("run_warning", text=text), err=True)
