@@ -29,6 +29,9 @@ class CharFormat:
         """``7E1``, ``8N1``, ``8-O-2``… Raises ValueError with a message for the user."""
         match = _FORMAT.fullmatch(text)
         if match is None:
+            if number := re.fullmatch(r"([78])(00?)(\.0)?", text):  # some programs write 8E1 as the number 80
+                meant = f"{number[1]}E{len(number[2])}"
+                raise ValueError(say("form_format_number", text=text, meant=meant))
             raise ValueError(say("form_no_format", text=text))
         return cls(int(match.group(1)), match.group(2).upper(), int(match.group(3)))
 

@@ -104,3 +104,12 @@ def test_a_long_frame_of_a_fast_clock_does_not_drift() -> None:
     timing = LineTiming(38400, CharFormat(7, "E", 1), Fraction(100))
     added_up = 150 * timing.characters(1)
     assert timing.characters(150) == added_up + 19  # 150 × 0.125…
+
+
+@pytest.mark.parametrize(
+    ("text", "meant"), [("80", "8E1"), ("80.0", "8E1"), ("700", "7E2"), ("70", "7E1"), ("81", None)]
+)
+def test_a_format_that_became_a_number_is_recognised(text: str, meant: str | None) -> None:
+    """8E1 is 8·10¹ to programs that write a scenario anew."""
+    with pytest.raises(ValueError, match="not a character format" if meant is None else f'quotes: "{meant}"'):
+        CharFormat.parse(text)
