@@ -222,7 +222,9 @@ def _indented(number: int, above: Sequence[str], line: str) -> Iterator[_Repair]
     width, odd = len(lead) + lead.count("\t"), lead.strip(" ")
     starts = [re.match("( *)((?:- +)*)", other) for other in above]
     levels = {found.end(group) for found in starts if found for group in (1, 2)} | {width - width % 2}
-    for level in sorted(levels, key=lambda level: abs(level - width)):
+    if odd:  # as deep as editors show it: the text of a program stands behind its key then
+        levels |= {len(lead.expandtabs(tab)) for tab in (4, 8)}
+    for level in sorted(levels, key=lambda level: (abs(level - width), -level)):
         text = say("mend_column", column=width + 1, expected=level + 1)
         if odd:
             text = say("mend_indents", found=describe(odd[0]))

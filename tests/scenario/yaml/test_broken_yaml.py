@@ -66,6 +66,14 @@ CASES: dict[str, tuple[str, list[str]]] = {
         changed("    scan: 8 ms", "\tscan: 8 ms"),
         ["x.yaml:8:1: a tab indents the line; YAML takes blanks only"],
     ),
+    "tabs in a program": (
+        changed("    scan: 8 ms", "    scan: 8 ms\n    program: |\n\tLD X0\n\tOUT Y0\n\tEND"),
+        [f"x.yaml:{line}:1: a tab indents the line; YAML takes blanks only" for line in (10, 11, 12)],
+    ),
+    "tabs behind a dash": (
+        BASE.replace("\n    ", "\n\t"),
+        [f"x.yaml:{line}:1: a tab indents the line; YAML takes blanks only" for line in (8, 9)],
+    ),
     "two docs": (
         added("---\nname: x\n"),
         ["x.yaml:12:1: a second document begins here; a scenario is one document"],
