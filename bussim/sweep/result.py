@@ -45,7 +45,7 @@ class SweepResult:
     @cached_property
     def _runs(self) -> Table:
         axes = [axis.column for axis in self.plan.axes]
-        head = ["run", "point", *axes, "repeat", "seed"]
+        head = list(dict.fromkeys(("run", "point", *axes, "repeat", "seed")))  # the seed may be varied
         return read_csv(self.folder / RUNS, head, self.plan.runs)
 
     @cached_property

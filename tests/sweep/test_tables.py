@@ -11,7 +11,10 @@ import pytest
 from bussim.errors import UsageError
 from bussim.sweep.intervals import mean_of
 from bussim.sweep.plan import Plan
+from bussim.sweep.result import SweepResult
 from bussim.sweep.tables import (
+    POINTS,
+    RUNS,
     Table,
     figure_names,
     mean_at,
@@ -106,6 +109,16 @@ def test_a_table_is_the_same_when_it_is_read_again(tmp_path: Path) -> None:
         assert [len(row) for row in csv.reader(file)] == [5] * 4
     (tmp_path / "t.csv").write_bytes(b"\xef\xbb\xbf" + raw)  # as an editor on Windows saves it
     assert read_csv(tmp_path / "t.csv", head, 3) == table
+
+
+def test_a_table_in_which_the_seed_is_varied_has_it_once(tmp_path: Path) -> None:
+    plan = Plan(noisy(tmp_path), ["seed=5,6"], repeat=1)
+    runs = runs_table(plan, [(run, {"link.scans": 10 + run}) for run in (0, 1)])
+    write_csv(tmp_path / RUNS, runs)
+    write_csv(tmp_path / POINTS, points_table(plan, runs))
+    result = SweepResult(plan, tmp_path, already_there=0)
+    assert result.runs.to_dict("list") == runs
+    assert [*result.runs["seed"]] == [*result.points["seed"]] == [5, 6]
 
 
 @pytest.mark.parametrize(

@@ -152,7 +152,7 @@ def _read_table(path: Path, kinds: Mapping[str, Kind]) -> pd.DataFrame:
     if path.suffix == ".csv":
         for name in (name for name, kind in kinds.items() if kind is TEXT):
             table[name] = table[name].map(from_cell)
-        if "code" in kinds:
+        if "code" in kinds.keys() - missing:
             table["code"] = table["code"].str.zfill(2)  # which a spreadsheet has taken for a number
     for name in (name for name, kind in kinds.items() if kind is FLAG):
         if table[name].dtype.kind not in "biu":  # the text "False" is true for pandas

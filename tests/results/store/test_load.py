@@ -175,6 +175,8 @@ def test_what_a_spreadsheet_takes_for_a_number_is_a_code(folder: Path) -> None:
     path.write_text(re.sub(r",0([0-9]),", r",\1,", path.read_text()), encoding="utf-8-sig")
     assert set(before["code"]) >= {"00", "01"}
     assert FolderRows(folder).table(AttemptRecord).equals(before)
+    path.write_text(re.sub(r",code|,[0-9](?=,[0-9.]*$)", "", path.read_text("utf-8-sig"), flags=re.MULTILINE))
+    assert set(FolderRows(folder).table(AttemptRecord)["code"]) == {""}  # of a table without codes: unknown
 
 
 def test_json_of_an_editor_on_windows_begins_with_a_mark(folder: Path) -> None:
