@@ -272,8 +272,9 @@ class PacketFile(Source):
                 if tick is not None and latest - tick > TICKS_PER_SECOND:
                     before = (latest - tick) / TICKS_PER_SECOND
                     raise RecordingError(
-                        f"{self._path}: packet {count + 1} is {before:.3f} s before one above it: two "
-                        "captures follow each other, or one is not in order; Wireshark's reordercap sorts it"
+                        f"{self._path}: packet {count + 1} is {before:.3f} s before one above it: the clock "
+                        "was set back, two captures follow each other, or packets are not in order, which "
+                        "Wireshark's reordercap mends"
                     )
                 latest = max(latest, tick or 0)
                 if since is None and tick is not None:

@@ -57,7 +57,7 @@ def test_packets_that_are_not_in_order_are_refused(
     path = tmp_path / "a.pcap"
     found = order(packets(path))
     path.write_bytes(path.read_bytes()[:HEADER] + b"".join(found))
-    assert "before one above it: two captures follow each other" in refused(path, capsys)
+    assert "before one above it: the clock was set back, two captures follow" in refused(path, capsys)
 
 
 @pytest.mark.parametrize(
