@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from bussim.commands.common.drawing import import_matplotlib
 from bussim.commands.common.scenario_options import code_option, lang_option
 from bussim.errors import ScenarioError, UsageError
 from bussim.files import followed, plain
@@ -74,6 +75,7 @@ def report(
     Raises UsageError for another language, for folders that are none of runs, for too many, and where the
     page cannot be written.
     """
+    import_matplotlib()
     from bussim.commands.common.output import checked_target, write_text
     from bussim.report.page import labels_of, report_page
     from bussim.report.scene import MOST_SHAPES

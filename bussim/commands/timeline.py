@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from bussim.commands.common.drawing import import_matplotlib
 from bussim.commands.common.output import print_json
 from bussim.commands.common.scenario_options import lang_option, time_of
 from bussim.errors import UsageError
@@ -49,6 +50,7 @@ def command(
     Under the picture stands what the time of each link scan with a failed attempt went to. Needs a
     run with --trace. Prints the path of the picture.
     """
+    import_matplotlib()
     from bussim.api import drawn_bus
     from bussim.commands.common.output import busy, checked_target, traced_again, whole_trace
     from bussim.report.picture import timeline_picture

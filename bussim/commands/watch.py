@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from bussim.commands.common.drawing import import_matplotlib
 from bussim.commands.common.output import print_json
 from bussim.commands.common.scenario_options import (
     code_option,
@@ -108,6 +109,7 @@ def command(
     if table is not None:
         write_text(table, _csv(watch, begin, end))
     if picture is not None:
+        import_matplotlib()
         from bussim.results.plots.watch import shown_devices, watch_picture
 
         left_out = watched[shown_devices(watched) :]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from bussim.commands.common.drawing import import_matplotlib
 from bussim.commands.common.output import check_pictures, made_folder, print_json, show_carried
 from bussim.commands.common.scenario_options import code_option, lang_option, set_option, time_of
 from bussim.errors import UsageError
@@ -243,6 +244,7 @@ def _draw(
 ) -> list[Path]:
     import numpy as np
 
+    import_matplotlib()
     from bussim import api
     from bussim.results.plots.distribution import distribution_and_histogram
     from bussim.version import __version__

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from bussim.commands.common.drawing import import_matplotlib
 from bussim.commands.common.output import (
     busy,
     check_pictures,
@@ -157,6 +158,7 @@ def scenario_of(
 
 
 def _plot(folder: Path, fitted: Fitted, simulated: RunRecord | None, *, force: bool) -> None:
+    import_matplotlib()
     from bussim.results.plots.scan_times import scan_time_histogram
     from bussim.results.store.safe_names import file_name
 

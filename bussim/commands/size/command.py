@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from bussim.commands.common.drawing import import_matplotlib
 from bussim.commands.common.output import (
     busy,
     check_pictures,
@@ -235,6 +236,7 @@ def _check_goals(texts: tuple[str, ...]) -> None:
 def _write(
     scenario: Scenario, found: dict[str, Sizing], text: str, folder: Path, stems: dict[str, Path]
 ) -> list[Path]:
+    import_matplotlib()
     from bussim.exact.sizing.trade_off import trade_off
     from bussim.results.plots.trade_off import trade_off_picture
     from bussim.units import TICKS_PER_MS
