@@ -28,7 +28,7 @@ class Logic:
     """Program and inputs of one PLC from power-on to power-off. All times are ticks.
 
     ``memory`` is the PLC's; ``shared_words`` D from D0 on may belong to the link; ``kept_pulses`` see
-    :class:`ProgramRun`.
+    :class:`bussim.plc.program.execution.ProgramRun`.
     """
 
     def __init__(

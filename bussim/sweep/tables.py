@@ -14,6 +14,7 @@ from bussim.sweep.figures import Number, in_order, is_event_count, rare_count_of
 from bussim.sweep.intervals import Mean, mean_of
 from bussim.sweep.plan import Plan
 from bussim.sweep.vary import Axis, Value
+from bussim.wording import counted
 
 RUNS, POINTS, RUNS_PARQUET = "runs.csv", "points.csv", "runs.parquet"
 
@@ -145,7 +146,7 @@ def _checked(text: str, head: Sequence[str], rows: int) -> Table:
         raise ValueError(f"its columns begin with {names[: len(head)]}, not with {[*head]}")
     for number, row in enumerate(cells, 1):
         if len(row) != len(names):
-            raise ValueError(f"row {number} has {len(row)} columns, its heading {len(names)}")
+            raise ValueError(f"row {number} has {counted(len(row), 'column')}, its heading {len(names)}")
     table: Table = {
         name: list(map(_parsed, column))
         for name, column in zip(names, zip(*cells[1:], strict=True), strict=bool(cells[1:]))
