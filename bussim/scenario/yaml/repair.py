@@ -21,7 +21,7 @@ Mark = tuple[int, int]
 LINE_END = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 #: So many mistakes of one file are mended, and so many characters of repaired texts read in search of them.
 _MOST_MISTAKES = 50
-_MOST_TRIED = 1 << 18
+_MOST_TRIED = 1 << 20
 #: So many lines above a complaint are looked at.
 _MOST_ABOVE = 100
 _KEY = r"([^\W\d][\w.-]*)"
