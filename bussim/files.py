@@ -130,6 +130,13 @@ def plain(path: Path) -> Path:
     return path
 
 
+def last_byte(path: Path) -> bytes:
+    """The last byte of a plain file, none of an empty one. Raises OSError where it cannot be read."""
+    with plain(path).open("rb") as file:
+        file.seek(-min(1, file.seek(0, os.SEEK_END)), os.SEEK_END)
+        return file.read()
+
+
 def kind_of(mode: int) -> str:
     """What something is that is no plain file, with its article."""
     return next((kind for test, kind in _KINDS if test(mode)), "no plain file")

@@ -52,6 +52,7 @@ def command(
     """
     from bussim.commands.common.output import busy, print_files
 
+    import_matplotlib()
     with busy(f"reading {', '.join(runs)}"):
         lang = current_language()
         target = report(*runs, out=out, force=force, exact=not no_exact, allow_code=allow_code, lang=lang)
@@ -75,7 +76,6 @@ def report(
     Raises UsageError for another language, for folders that are none of runs, for too many, and where the
     page cannot be written.
     """
-    import_matplotlib()
     from bussim.commands.common.output import checked_target, write_text
     from bussim.report.page import labels_of, report_page
     from bussim.report.scene import MOST_SHAPES

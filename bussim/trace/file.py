@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, TextIO, TypeVar, assert_never, cast
 
 from bussim.errors import UsageError
-from bussim.files import INCOMPLETE, plain, reading
+from bussim.files import INCOMPLETE, last_byte, plain, reading
 from bussim.trace.blocks import RecordBlock, pieces
 from bussim.trace.codec import Line, LineTexts, from_line, header_line, header_of, type_of
 from bussim.trace.records import (
@@ -236,9 +236,7 @@ class _File:
 
     def lacks_its_end(self) -> bool:
         """Whether the last line, in which every trace ends, has no end."""
-        with plain(self._path).open("rb") as file:
-            file.seek(-1, os.SEEK_END)  # there is a header
-            return file.read(1) != b"\n"
+        return last_byte(self._path) != b"\n"
 
     def _open(self) -> TextIO:
         try:

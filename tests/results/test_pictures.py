@@ -59,3 +59,13 @@ def test_a_command_draws_without_the_lists_in_the_docstrings_of_matplotlib() -> 
         "assert 'xlabel' in kwdoc(Axes) and 'xlabel' not in Axes.set.__doc__, Axes.set.__doc__"
     )
     subprocess.run([sys.executable, "-c", code], env=ENVIRONMENT, check=True)
+
+
+@pytest.mark.slow
+def test_a_report_from_python_leaves_the_docstrings_of_matplotlib_whole(tmp_path: Path) -> None:
+    code = (
+        "import bussim; bussim.run(bussim.load('two_stations', ['duration=1 s']), out='o')\n"
+        "bussim.report('o', exact=False)\n"
+        "from matplotlib.axes import Axes; assert 'xlabel' in Axes.set.__doc__, Axes.set.__doc__"
+    )
+    subprocess.run([sys.executable, "-c", code], env=ENVIRONMENT, cwd=tmp_path, check=True)

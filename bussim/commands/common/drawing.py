@@ -9,8 +9,8 @@ def import_matplotlib() -> None:
     from matplotlib import artist
 
     listed = artist.kwdoc
-    artist.kwdoc = lambda artist: ""  # noqa: ARG005 - as matplotlib names it
+    artist.kwdoc = lambda artist: ""  # noqa: ARG005 - matplotlib names it so
     try:
-        import bussim.results.plots.style  # noqa: F401
+        import bussim.results.plots.style  # noqa: F401 - what it imports stays
     finally:
         artist.kwdoc = listed

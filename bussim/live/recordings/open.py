@@ -15,8 +15,6 @@ from bussim.live.recordings.text import TextFile
 
 #: No header of a trace is longer (bytes).
 _LONGEST_HEADER = 1 << 20
-
-
 #: How files begin that must be unpacked first, and what they are.
 _PACKED = {
     b"\x1f\x8b": "gzip",
@@ -46,7 +44,7 @@ def kind_of(path: Path) -> Kind:
             begin = file.read(4)
             file.seek(0)
             head = file.readline(_LONGEST_HEADER)
-    packed = next((name for begin, name in _PACKED.items() if head.startswith(begin)), None)
+    packed = next((name for mark, name in _PACKED.items() if head.startswith(mark)), None)
     if packed is not None:
         raise RecordingError(f"{path} is compressed by {packed}: unpack it first")
     if begin == b"\n\r\r\n" or begin in PCAP_MAGICS:

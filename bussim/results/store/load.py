@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bussim.errors import UsageError
-from bussim.files import INCOMPLETE, plain, reading
+from bussim.files import INCOMPLETE, last_byte, plain, reading
 from bussim.results.run_record import RunRecord
 from bussim.results.store.folder import HISTOGRAMS, SUFFIX, SUMMARY
 from bussim.results.store.in_memory import frame
@@ -125,9 +124,8 @@ def _read_table(path: Path, kinds: Mapping[str, Kind]) -> pd.DataFrame:
     import pandas as pd
 
     if path.suffix == ".csv":
-        with plain(path).open("rb") as file:
-            if file.read(1) and file.seek(-1, os.SEEK_END) and file.read() not in b"\r\n":
-                raise ValueError("its last line is cut off")
+        if last_byte(path) not in b"\r\n":
+            raise ValueError("its last line is cut off")
         table = pd.read_csv(
             path,
             # Flags are 0 and 1 there, which pandas reads as numbers only.
